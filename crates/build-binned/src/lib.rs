@@ -1,0 +1,1 @@
+//! Binned SAH BVH builder (Wald 2007).

@@ -1,0 +1,1 @@
+//! Bonsai BVH builder: mini trees, pruning and a top tree (thesis IV).

@@ -1,0 +1,1 @@
+//! Object-median and spatial-median BVH builders.

@@ -1,0 +1,121 @@
+//! Triangles and conservative split clipping.
+
+use crate::{
+    Aabb,
+    float::{round_down, round_up},
+};
+use glam::{DVec3, Vec3};
+
+/// A triangle by its corners.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    /// First corner, weight 1 − u − v.
+    pub v0: Vec3,
+    /// Second corner, weight u.
+    pub v1: Vec3,
+    /// Third corner, weight v.
+    pub v2: Vec3,
+}
+
+impl Triangle {
+    /// A triangle by its corners.
+    #[must_use]
+    pub const fn new(v0: Vec3, v1: Vec3, v2: Vec3) -> Self {
+        Self { v0, v1, v2 }
+    }
+
+    /// The corners in order.
+    #[must_use]
+    pub const fn vertices(&self) -> [Vec3; 3] {
+        [self.v0, self.v1, self.v2]
+    }
+
+    /// The smallest box around it.
+    #[must_use]
+    #[inline]
+    pub fn bounds(&self) -> Aabb {
+        Aabb { min: self.v0.min(self.v1).min(self.v2), max: self.v0.max(self.v1).max(self.v2) }
+    }
+
+    /// Area in `f64`.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let [a, b, c] = self.vertices().map(|v| v.as_dvec3());
+        0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// Cuts the part of the triangle inside `bounds` at the plane `p[axis] = position` and
+    /// returns the boxes of what lies on the lower and on the upper side (Havran and Bittner
+    /// 2002, split clipping). A side with nothing in it is [`Aabb::EMPTY`].
+    ///
+    /// The boxes are conservative: in exact arithmetic each covers the triangle's part within
+    /// `bounds` on its side of the plane, whatever rounding did, because crossings are computed
+    /// in `f64`, widened by their error bound, and rounded outward. Both stay within `bounds`.
+    ///
+    /// # Panics
+    /// If `axis` is not 0, 1 or 2.
+    #[must_use]
+    pub fn split(&self, bounds: &Aabb, axis: usize, position: f32) -> (Aabb, Aabb) {
+        let mut lower = Aabb::EMPTY;
+        let mut upper = Aabb::EMPTY;
+        let corners = self.vertices();
+        let plane = f64::from(position);
+        for (i, &corner) in corners.iter().enumerate() {
+            if corner[axis] <= position {
+                lower = lower.grow(corner);
+            }
+            if corner[axis] >= position {
+                upper = upper.grow(corner);
+            }
+            let next = corners[(i + 1) % 3];
+            // Order the edge by corner, not by direction, so that both triangles that share it
+            // cut it at the same place.
+            let (a, b) =
+                if lexicographic_less(corner, next) { (corner, next) } else { (next, corner) };
+            if (a[axis] < position && b[axis] > position)
+                || (a[axis] > position && b[axis] < position)
+            {
+                let cut = edge_crossing(a.as_dvec3(), b.as_dvec3(), axis, plane);
+                lower = lower.union(cut);
+                upper = upper.union(cut);
+            }
+        }
+        // On the plane itself the cut is known exactly.
+        if !lower.is_empty() {
+            lower.max[axis] = lower.max[axis].min(position);
+        }
+        if !upper.is_empty() {
+            upper.min[axis] = upper.min[axis].max(position);
+        }
+        let clip = |b: Aabb| {
+            let b = b.intersection(*bounds);
+            if b.is_empty() { Aabb::EMPTY } else { b }
+        };
+        (clip(lower), clip(upper))
+    }
+}
+
+fn lexicographic_less(a: Vec3, b: Vec3) -> bool {
+    (a.x, a.y, a.z) < (b.x, b.y, b.z)
+}
+
+/// A box that surely contains the point where the edge from `a` to `b`, whose ends lie strictly
+/// on different sides, crosses the plane `p[axis] = plane`.
+fn edge_crossing(a: DVec3, b: DVec3, axis: usize, plane: f64) -> Aabb {
+    // Differences of f32 values are within one rounding in f64, so t has three roundings, the
+    // interpolation three more: 8u·(|a| + |b|) is a safe bound on the error of each coordinate.
+    const ERROR: f64 = 8.0 * f64::EPSILON;
+    let t = (plane - a[axis]) / (b[axis] - a[axis]);
+    let point = a + (b - a) * t;
+    let error = (a.abs() + b.abs()) * ERROR;
+    let (low, high) = (point - error, point + error);
+    // The crossing lies between the ends, so the widened box need not leave theirs.
+    let (low, high) = (low.max(a.min(b)), high.min(a.max(b)));
+    let mut cut = Aabb::new(
+        Vec3::new(round_down(low.x), round_down(low.y), round_down(low.z)),
+        Vec3::new(round_up(high.x), round_up(high.y), round_up(high.z)),
+    );
+    cut.min[axis] = round_down(plane);
+    cut.max[axis] = round_up(plane);
+    cut
+}

@@ -1,0 +1,1 @@
+//! Exact ray-triangle decisions: the oracle that settles disagreements between kernels.

@@ -1,0 +1,1 @@
+//! Judges bounding volume hierarchies: SAH, EPO, LCV, statistics and structural validation.

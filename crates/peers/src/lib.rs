@@ -1,0 +1,1 @@
+//! Other BVH libraries behind Niwaki's traits: Embree, found at run time, and obvhs.

@@ -1,0 +1,1 @@
+//! CPU reference path tracer, image output and ray recording.

@@ -1,0 +1,1 @@
+//! Scenes from OBJ and glTF files and from seeded procedural generators.

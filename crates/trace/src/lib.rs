@@ -1,0 +1,1 @@
+//! CPU ray traversal kernels over binary and wide BVHs.

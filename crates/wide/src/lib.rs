@@ -1,0 +1,1 @@
+//! Wide BVH layouts collapsed from binary trees.

@@ -1,0 +1,2 @@
+//! Niwaki's commands.
+fn main() {}
