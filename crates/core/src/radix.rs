@@ -26,7 +26,7 @@ pub fn sort_by_key<T: Copy + Send + Sync>(
     assert_eq!(items.len(), spare.len(), "the spare array is as long as the items");
     let mut in_items = true;
     for shift in (0..bits).step_by(DIGIT_BITS as usize) {
-        let mask = DIGITS as u64 - 1 >> DIGIT_BITS.saturating_sub(bits - shift);
+        let mask = (DIGITS as u64 - 1) >> DIGIT_BITS.saturating_sub(bits - shift);
         #[expect(clippy::cast_possible_truncation, reason = "masked to one digit")]
         let digit = |item: &T| ((key(item) >> shift) & mask) as usize;
         let moved =
