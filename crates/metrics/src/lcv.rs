@@ -69,7 +69,7 @@ impl Tracer<'_> {
         let t_min = f64::from(ray.t_min);
         let mut closest = f64::from(ray.t_max);
         let sound = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
-        if !sound || !(t_min <= closest) {
+        if !sound || t_min.is_nan() || closest.is_nan() || t_min > closest {
             return 0;
         }
         let entry = |position: u32, closest: f64| {
