@@ -120,9 +120,10 @@ fn clipping_agrees_with_monte_carlo() {
 fn splitting_all_triangles_leaves_no_overlap() {
     let mesh = soup(20, 0.5, 60);
     let bvh = build(&mesh, 4, Split::Always);
-    assert!(bvh.prim_ids.len() > 2 * mesh.len());
-    // What does not overlap is the cut; without it the same halving does.
-    assert!(epo(&build(&mesh, 4, Split::Never), &mesh, &CONSTANTS) > 1.0);
+    assert!(bvh.prim_ids.len() > mesh.len() * 3 / 2, "{}", bvh.prim_ids.len());
+    // Without the cuts the same halving leaves some.
+    let uncut = epo(&build(&mesh, 4, Split::Never), &mesh, &CONSTANTS);
+    assert!(uncut > 0.1, "{uncut}");
     // Boxes meet in planes and overlap by what rounding them outward adds.
     let value = epo(&bvh, &mesh, &CONSTANTS);
     assert!(value < 1e-5, "{value}");
