@@ -1,6 +1,6 @@
 //! The oracle against rational arithmetic, known values and symmetries.
 
-use niwaki_core::{Ray, Triangle, TriangleMesh, glam::Vec3};
+use niwaki_core::{Ray, Triangle, TriangleMesh, glam::Vec3, to_u32};
 use niwaki_exact::{
     Contact, border_distance_ulps, closest, closest_in_mesh, compare_t, contact, t, t_error_bound,
 };
@@ -133,12 +133,12 @@ proptest! {
         let hits: Vec<(u32, Contact, BigRational)> = tris
             .iter()
             .enumerate()
-            .filter_map(|(i, tri)| by_fractions(&ray, tri).map(|(c, t)| (i as u32, c, t)))
+            .filter_map(|(i, tri)| by_fractions(&ray, tri).map(|(c, t)| (to_u32(i), c, t)))
             .collect();
         let least = hits.iter().map(|h| &h.2).min();
         let ties: Vec<_> =
             hits.iter().filter(|h| Some(&h.2) == least).map(|h| (h.0, h.1)).collect();
-        let found = closest(&ray, tris.iter().enumerate().map(|(i, &tri)| (i as u32, tri)));
+        let found = closest(&ray, (0..).zip(tris.iter().copied()));
         prop_assert_eq!(found.as_ref().map_or(vec![], |f| f.ties.clone()), ties);
         let mesh = TriangleMesh::from_triangles(&tris).unwrap();
         prop_assert_eq!(closest_in_mesh(&ray, &mesh), found);

@@ -110,7 +110,7 @@ fn verdicts_on_any_hit() {
         (down(0.5, 0.5).with_range(0.0, 1.5), false, true, Rounding),
     ] {
         assert_eq!(settle_any(&ray, &mesh, ours, theirs), verdict, "{ray:?} {ours} {theirs}");
-        let all = mesh.triangles().enumerate().map(|(i, tri)| (i as u32, tri));
+        let all = (0..).zip(mesh.triangles());
         let among = settle_any_among(&ray, all, ours, theirs, &SettleOptions::default());
         assert_eq!(among, verdict);
     }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Random, Split, build, soup};
-use niwaki_core::{Aabb, Bvh, BvhNode, SahConstants, Triangle, TriangleMesh, glam::Vec3};
+use niwaki_core::{Aabb, Bvh, BvhNode, SahConstants, Triangle, TriangleMesh, glam::Vec3, to_u32};
 use niwaki_metrics::{epo, epo_sampled};
 use std::collections::HashSet;
 
@@ -86,7 +86,7 @@ fn monte_carlo(bvh: &Bvh, mesh: &TriangleMesh, samples: usize) -> (f64, f64) {
         let mut cost = 0.0;
         for (node, below) in bvh.nodes.iter().zip(&below) {
             let inside = node.min.as_dvec3().cmple(point) & node.max.as_dvec3().cmpge(point);
-            if inside.all() && !below.contains(&(id as u32)) {
+            if inside.all() && !below.contains(&to_u32(id)) {
                 cost += if node.is_leaf() { 0.5 + f64::from(node.count) } else { 1.25 };
             }
         }

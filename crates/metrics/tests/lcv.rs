@@ -67,9 +67,9 @@ fn counts_lie_between_what_is_needed_and_what_the_line_meets() {
             .fold(f64::INFINITY, f64::min);
         hits += usize::from(closest.is_finite());
         let leaves = || bvh.nodes.iter().filter(|n| n.is_leaf());
-        let needed = leaves().filter(|n| meets(&ray, &n.aabb(), closest)).count() as u32;
-        let all = leaves().filter(|n| meets(&ray, &n.aabb(), f64::INFINITY)).count() as u32;
-        let opened = leaf_counts(&bvh, &mesh, &[ray]).max;
+        let needed = leaves().filter(|n| meets(&ray, &n.aabb(), closest)).count();
+        let all = leaves().filter(|n| meets(&ray, &n.aabb(), f64::INFINITY)).count();
+        let opened = leaf_counts(&bvh, &mesh, &[ray]).max as usize;
         assert!(needed <= opened && opened <= all, "{needed} {opened} {all}");
     }
     assert!((20..180).contains(&hits), "both kinds of rays are tested: {hits} hit");

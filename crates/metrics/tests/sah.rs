@@ -16,7 +16,7 @@ fn catalan(n: u64) -> u64 {
 #[derive(Clone)]
 enum Shape {
     Leaf(usize),
-    Inner(Box<[Shape; 2]>),
+    Inner(Box<[Self; 2]>),
 }
 
 /// All of them over `first..end`.

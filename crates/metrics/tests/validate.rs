@@ -113,6 +113,20 @@ fn every_fault_is_named() {
     );
 }
 
+/// True if one of 5,000 points of a triangle is in no leaf that holds it.
+fn sees_gap(bvh: &Bvh, mesh: &TriangleMesh, id: u32) -> bool {
+    let leaves: Vec<&BvhNode> =
+        bvh.nodes.iter().filter(|n| n.is_leaf() && bvh.leaf_prims(n).contains(&id)).collect();
+    let [a, b, c] = mesh.triangle(id as usize).vertices().map(|v| v.as_dvec3());
+    (0..100).flat_map(|i| (0..100 - i).map(move |j| (i, j))).any(|(i, j)| {
+        let (u, v) = (f64::from(i) / 100.0 + 0.003, f64::from(j) / 100.0 + 0.003);
+        let point = a + (b - a) * u + (c - a) * v;
+        !leaves
+            .iter()
+            .any(|n| (n.min.as_dvec3().cmple(point) & n.max.as_dvec3().cmpge(point)).all())
+    })
+}
+
 #[test]
 fn parts_of_split_triangles_that_no_box_covers_are_found() {
     let mesh = soup(60, 0.8, 2);
@@ -126,7 +140,12 @@ fn parts_of_split_triangles_that_no_box_covers_are_found() {
         let axis = node.aabb().longest_axis();
         broken.nodes[leaf].max[axis] -= node.aabb().extent()[axis] * 0.01;
         tried += 1;
-        let Err(violations) = validate(&broken, &mesh) else { continue };
+        let Err(violations) = validate(&broken, &mesh) else {
+            // A corner alone may lose too little area to count: no sample may see the loss.
+            let uncovered = broken.leaf_prims(node).iter().any(|&id| sees_gap(&broken, &mesh, id));
+            assert!(!uncovered, "the gap in leaf {leaf} was not found");
+            continue;
+        };
         found += 1;
         for violation in violations {
             match violation {
@@ -142,8 +161,7 @@ fn parts_of_split_triangles_that_no_box_covers_are_found() {
             }
         }
     }
-    // A corner alone may lose too little area to count, so not all are found.
-    assert!(found * 10 > tried * 9, "{found} of {tried}");
+    assert!(found * 10 > tried * 8, "{found} of {tried}");
 }
 
 #[test]
@@ -275,7 +293,7 @@ proptest! {
                 .leaf_depths
                 .iter()
                 .enumerate()
-                .map(|(d, &k)| k as f64 * 0.5_f64.powi(d as i32))
+                .map(|(d, &k)| k as f64 * 0.5_f64.powf(d as f64))
                 .sum();
             prop_assert_eq!(kraft, 1.0);
         }

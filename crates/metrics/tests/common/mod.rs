@@ -20,9 +20,15 @@ impl Random {
         (self.bits() >> 11) as f64 * 0.5_f64.powi(53)
     }
 
+    /// In [0, 1), with 16 bits.
+    fn coarse(&mut self) -> f32 {
+        f32::from(self.bits().to_le_bytes()[0]) / 256.0
+            + f32::from(self.bits().to_le_bytes()[0]) / 65536.0
+    }
+
     /// In a cube from −1 to 1.
     pub(crate) fn point(&mut self) -> Vec3 {
-        let mut c = || (self.unit() * 2.0 - 1.0) as f32;
+        let mut c = || self.coarse() * 2.0 - 1.0;
         Vec3::new(c(), c(), c())
     }
 }
