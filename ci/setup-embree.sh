@@ -3,7 +3,7 @@
 #
 #   - the distribution's own package: libembree4-4 where there is one, else libembree3-3;
 #   - Embree 4.4, out of the wheel of the Python package embreex, into DIR (default
-x
+#     peers/embree under the repository), because distributions carry older versions.
 #
 # Usage: ci/setup-embree.sh [DIR]
 #
