@@ -1,0 +1,216 @@
+//! The serial engine: one small tree at a time in memory that is reused.
+
+#[cfg(target_arch = "x86_64")]
+use crate::avx2;
+use crate::kernel::{Kernel, PAD, Split, grow};
+use crate::rule::{Decision, SplitRule};
+use crate::{scalar, small_sort};
+use niwaki_core::{Aabb, BvhNode, PrimRef, to_u32};
+
+/// Memory for building trees one after the other on one thread. Nothing is allocated for a tree
+/// that is not larger than the largest before it.
+///
+/// Fill [`SweepWorkspace::prims`], then call [`SweepWorkspace::build`].
+#[derive(Clone, Debug)]
+pub struct SweepWorkspace {
+    /// The primitives of the next tree. All bounds must be finite.
+    pub prims: Vec<PrimRef>,
+    kernel: Kernel,
+    /// Primitives sorted along each axis, from [`PAD`] on; a node is the same range in all three.
+    /// The padding holds valid indices, because vector kernels read past the ends of nodes.
+    order: [Vec<u32>; 3],
+    keys: small_sort::Keys,
+    /// 1 for primitives on the right of the split at hand.
+    side: Vec<u8>,
+    scratch: Vec<u32>,
+    /// Areas of the boxes from the start of the node to each position, and from there to its end.
+    areas: [Vec<f32>; 6],
+    /// Right siblings that wait: node, first, end.
+    stack: Vec<(u32, u32, u32)>,
+}
+
+impl SweepWorkspace {
+    /// An empty workspace.
+    #[must_use]
+    pub fn new(kernel: Kernel) -> Self {
+        Self {
+            prims: Vec::new(),
+            kernel: kernel.or_fallback(),
+            order: [const { Vec::new() }; 3],
+            keys: small_sort::Keys::default(),
+            side: Vec::new(),
+            scratch: Vec::new(),
+            areas: [const { Vec::new() }; 6],
+            stack: Vec::new(),
+        }
+    }
+
+    /// Bytes that a workspace for trees of up to `count` primitives takes.
+    #[must_use]
+    pub const fn bytes(count: usize) -> usize {
+        (count + 2 * PAD) * (32 + 12 + 16 + 1 + 4 + 24) + 12 * (64 + count.ilog2() as usize)
+    }
+
+    /// Builds a tree over [`SweepWorkspace::prims`] and returns how many of `nodes` it uses: the
+    /// root is `nodes[0]`, siblings are adjacent, and everything below a node is one contiguous
+    /// range that starts at its children, that of a left child before that of its sibling. Leaves
+    /// count from `first_prim` on; `ids` receives the `prim_id`s in leaf order.
+    ///
+    /// # Panics
+    /// If there are no primitives, `ids` is not as long as they are, or `nodes` is shorter than
+    /// `2·count − 1`.
+    pub fn build(
+        &mut self,
+        rule: &SplitRule,
+        nodes: &mut [BvhNode],
+        ids: &mut [u32],
+        first_prim: usize,
+    ) -> usize {
+        self.sort();
+        self.build_sorted(rule, nodes, ids, first_prim)
+    }
+
+    fn sort(&mut self) {
+        for (axis, order) in self.order.iter_mut().enumerate() {
+            order.clear();
+            order.resize(self.prims.len() + 2 * PAD, 0);
+            let order = &mut order[PAD..][..self.prims.len()];
+            self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
+        }
+    }
+
+    fn build_sorted(
+        &mut self,
+        rule: &SplitRule,
+        nodes: &mut [BvhNode],
+        ids: &mut [u32],
+        first_prim: usize,
+    ) -> usize {
+        let count = self.prims.len();
+        assert!(count > 0 && ids.len() == count && nodes.len() >= 2 * count - 1);
+        assert!(count < 1 << 28, "vector kernels pack axis and position in 30 bits");
+        let grow = |len: usize, padded: usize| len.max(padded);
+        self.side.resize(grow(self.side.len(), count + PAD), 0);
+        self.scratch.resize(grow(self.scratch.len(), count + PAD), 0);
+        for areas in &mut self.areas {
+            areas.resize(grow(areas.len(), count + 2 * PAD), 0.0);
+        }
+        let mut used = 1;
+        self.stack.clear();
+        self.stack.push((0, 0, to_u32(count)));
+        while let Some((node, start, end)) = self.stack.pop() {
+            let (start, end) = (start as usize, end as usize);
+            let count = end - start;
+            if rule.is_leaf_by_count(count) {
+                let bounds = self.bounds(start, end);
+                nodes[node as usize] =
+                    BvhNode::leaf(bounds, to_u32(first_prim + start), to_u32(count));
+                continue;
+            }
+            let (bounds, mut split) = self.sweep(rule, start, end);
+            match rule.decide(count, bounds.half_area(rule.scale), split.cost) {
+                Decision::Leaf => {
+                    nodes[node as usize] =
+                        BvhNode::leaf(bounds, to_u32(first_prim + start), to_u32(count));
+                    continue;
+                }
+                Decision::Best => {}
+                Decision::Halve => {
+                    split = Split { axis: self.widest(start, end), left: count / 2, cost: 0.0 };
+                }
+            }
+            self.partition(split, start, end);
+            let middle = to_u32(start + split.left);
+            nodes[node as usize] = BvhNode::inner(bounds, used);
+            self.stack.push((used + 1, middle, to_u32(end)));
+            self.stack.push((used, to_u32(start), middle));
+            used += 2;
+        }
+        for (id, &i) in ids.iter_mut().zip(&self.order[0][PAD..]) {
+            *id = self.prims[i as usize].prim_id;
+        }
+        used as usize
+    }
+
+    fn bounds(&self, start: usize, end: usize) -> Aabb {
+        let order = &self.order[0][PAD + start..PAD + end];
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 && order.len() <= 2 {
+            // SAFETY: a workspace has this kernel only where AVX2 is present, and orders hold
+            // indices of primitives.
+            return unsafe { avx2::bounds_of_two(&self.prims, order[0], order[order.len() - 1]) };
+        }
+        let mut bounds = Aabb::EMPTY;
+        for &i in order {
+            grow(&mut bounds, &self.prims[i as usize]);
+        }
+        bounds
+    }
+
+    /// The box of a node and its cheapest split.
+    fn sweep(&mut self, rule: &SplitRule, start: usize, end: usize) -> (Aabb, Split) {
+        let count = end - start;
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 {
+            assert!(self.order.iter().all(|order| end + 2 * PAD <= order.len()));
+            assert!(self.areas.iter().all(|areas| count + 2 * PAD <= areas.len()));
+            let order = [0, 1, 2].map(|axis| self.order[axis][PAD + start..].as_ptr());
+            let [a, b, c, d, e, f] = &mut self.areas;
+            let [left, right] =
+                [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a[PAD..].as_mut_ptr()));
+            // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
+            // the kernel asks for were just checked; orders and their padding hold indices of
+            // primitives.
+            return unsafe { avx2::sweep(&self.prims, order, count, rule, left, right) };
+        }
+        let mut best = Split::NONE;
+        let bounds = [0, 1, 2].map(|axis| {
+            let order = &self.order[axis][PAD + start..PAD + end];
+            let right = &mut self.areas[0][..count];
+            scalar::sweep_axis(&self.prims, order, axis, rule, right, &mut best)
+        });
+        (bounds[0], best)
+    }
+
+    /// The axis along which the centroids spread most.
+    fn widest(&self, start: usize, end: usize) -> usize {
+        let spread = |axis: usize| {
+            let key = |i: usize| self.prims[self.order[axis][PAD + i] as usize].centroid2()[axis];
+            key(end - 1) - key(start)
+        };
+        (1..3).fold(0, |best, axis| if spread(axis) > spread(best) { axis } else { best })
+    }
+
+    /// Moves the primitives that are left in the order of the split's axis to the left in the two
+    /// other orders, keeping both sides sorted.
+    fn partition(&mut self, split: Split, start: usize, end: usize) {
+        let (start, end) = (PAD + start, PAD + end);
+        let (on_left, on_right) = self.order[split.axis][start..end].split_at(split.left);
+        for &p in on_left {
+            self.side[p as usize] = 0;
+        }
+        for &p in on_right {
+            self.side[p as usize] = 1;
+        }
+        for axis in [(split.axis + 1) % 3, (split.axis + 2) % 3] {
+            let order = &mut self.order[axis];
+            #[cfg(target_arch = "x86_64")]
+            if self.kernel == Kernel::Avx2 {
+                let count = end - start;
+                assert!(end + PAD <= order.len() && count + PAD <= self.scratch.len());
+                // SAFETY: as in `sweep`; `side` has more than three bytes after the last
+                // primitive's.
+                unsafe {
+                    avx2::partition(
+                        order[start..].as_mut_ptr(),
+                        count,
+                        self.side.as_ptr(),
+                        self.scratch.as_mut_ptr(),
+                    );
+                }
+                continue;
+            }
+            scalar::partition(&mut order[start..end], &self.side, &mut self.scratch);
+        }
+    }
+}
