@@ -49,6 +49,18 @@ pub enum PeerError {
         /// What it said.
         message: String,
     },
+    /// The tree has more levels than obvhs's 8-wide traversal has a stack for, so that it would
+    /// lose hits. Remedy: trace with [`crate::ObvhsKernel::Bvh2`], or remove equal triangles.
+    #[error(
+        "obvhs built an 8-wide tree at least {depth} levels deep, but can traverse only {max}; \
+         use its binary kernel or remove equal triangles"
+    )]
+    TooDeep {
+        /// Levels of 8-wide nodes below the root, at least.
+        depth: usize,
+        /// Levels that it can traverse.
+        max: usize,
+    },
     /// The input or a setting is not one that a builder accepts.
     #[error(transparent)]
     Input(#[from] BuildError),

@@ -27,14 +27,14 @@
 pub mod embree;
 mod error;
 mod flatten;
-mod obvhs_peer;
+pub mod obvhs;
 mod ray;
 
+pub use self::obvhs::{ObvhsKernel, ObvhsPreset, ObvhsScene};
 pub use embree::{
     Embree, EmbreeBvhSettings, EmbreeScene, EmbreeSettings, EmbreeVersion, LIBRARY_NAMES, Quality,
 };
 pub use error::PeerError;
-pub use obvhs_peer::{ObvhsKernel, ObvhsPreset, ObvhsScene};
 
 use niwaki_core::Bvh;
 use std::time::{Duration, Instant};
