@@ -84,3 +84,25 @@ pub(crate) fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
         .or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned()))
         .unwrap_or_else(|| "no message".to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absence_tells_what_was_tried_and_what_to_do() {
+        let searched = crate::LIBRARY_NAMES.iter().map(|&name| name.to_owned()).collect();
+        let text = PeerError::NotFound { searched }.to_string();
+        for part in crate::LIBRARY_NAMES.iter().chain(&["ci/setup-embree.sh", "EMBREE_LIBRARY"]) {
+            assert!(text.contains(part), "{text}");
+        }
+    }
+
+    #[test]
+    fn panics_of_peers_keep_their_message() {
+        let formatted = std::panic::catch_unwind(|| panic!("{} of {}", 3, 2)).unwrap_err();
+        assert_eq!(panic_message(&*formatted), "3 of 2");
+        assert_eq!(panic_message(&"literal"), "literal");
+        assert_eq!(panic_message(&7), "no message");
+    }
+}

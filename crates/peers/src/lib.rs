@@ -39,6 +39,11 @@ pub use error::PeerError;
 use niwaki_core::Bvh;
 use std::time::{Duration, Instant};
 
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 /// A peer's tree in our layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PeerBuild {

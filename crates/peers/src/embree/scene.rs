@@ -61,9 +61,7 @@ impl EmbreeScene {
         // releases the scene before it drops them.
         unsafe {
             let scene = (api.new_scene)(device.handle);
-            if scene.is_null() {
-                device.check("rtcNewScene")?;
-            }
+            device.check("rtcNewScene")?;
             let mut result = Self {
                 scene,
                 commit_time: Duration::ZERO,
