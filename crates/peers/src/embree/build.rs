@@ -101,8 +101,7 @@ impl Embree {
     /// A binary tree over a mesh by one of Embree's builders. [`PeerBuild::build`] covers the list
     /// of primitives and `rtcBuildBVH`, as `Builder::build_mesh` covers both for our builders.
     ///
-    /// With several threads the tree's shape may differ from run to run: which fragments fit into
-    /// the room for splits depends on timing.
+    /// Embree does not promise the same tree for every run and number of threads.
     ///
     /// # Errors
     /// [`PeerError::Input`] for settings out of range, [`PeerError::Embree`] if Embree fails.
