@@ -35,9 +35,9 @@ pub struct EmbreeBvhSettings {
     pub min_leaf_size: u32,
     /// No leaf has more, 1 to 32; default 32.
     pub max_leaf_size: u32,
-    /// Levels below the root after which Embree gives up, default 72. From 8 levels before on it
-    /// halves lists without looking at costs, so Embree's own default of 32, meant for wider
-    /// trees, would spoil binary trees of a few hundred thousand triangles.
+    /// Levels below the root after which Embree gives up, 9 to 1000, default 72. From 8 levels
+    /// before on it halves lists without looking at costs. Embree's own default of 32 is meant for
+    /// wider trees; on evenly tessellated scenes it makes little difference (Sponza: 0.01 %).
     pub max_depth: u32,
     /// For [`Quality::High`]: room for references after spatial splits, as a multiple of the
     /// number of primitives, at least 1; default 2, as Embree's manual suggests.

@@ -85,6 +85,9 @@ impl ObvhsPreset {
     /// obvhs's binary tree over a mesh, on the current rayon pool. [`PeerBuild::build`] is the
     /// time of `build_bvh2_from_tris`; triangles in obvhs's layout are made before it starts.
     ///
+    /// Many equal boxes take obvhs quadratic time, as each pass of PLOC then joins few pairs:
+    /// 100,000 equal triangles did not finish within a minute.
+    ///
     /// # Errors
     /// [`PeerError::Panicked`] if obvhs does not accept the mesh.
     pub fn build(self, mesh: &TriangleMesh) -> Result<PeerBuild, PeerError> {
