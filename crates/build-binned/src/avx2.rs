@@ -142,8 +142,7 @@ pub(crate) fn best(
             _mm_mul_ps(leaf, _mm_add_ps(left_area, right_area)),
         );
         let zero = _mm_setzero_si128();
-        let both =
-            _mm_and_si128(_mm_cmpgt_epi32(count, zero), _mm_cmpgt_epi32(right_count, zero));
+        let both = _mm_and_si128(_mm_cmpgt_epi32(count, zero), _mm_cmpgt_epi32(right_count, zero));
         let better = _mm_and_ps(_mm_cmplt_ps(cost, least), _mm_castsi128_ps(both));
         least = _mm_blendv_ps(least, cost, better);
         least_bin = _mm_blendv_epi8(least_bin, bin, _mm_castps_si128(better));

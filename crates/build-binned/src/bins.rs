@@ -24,9 +24,7 @@ impl Corners {
     /// grouping does not.
     #[inline]
     pub(crate) fn union(&self, other: &Self) -> Self {
-        Self(std::array::from_fn(|i| {
-            if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }
-        }))
+        Self(std::array::from_fn(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
     }
 
     pub(crate) const fn aabb(&self) -> Aabb {

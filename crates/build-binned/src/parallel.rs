@@ -34,10 +34,8 @@ pub(crate) fn partition(
     mapping: &Mapping,
     split: &Split,
 ) -> Parted {
-    let chunks: Vec<Parted> = prims
-        .par_chunks_mut(CHUNK)
-        .map(|chunk| kernel.partition(chunk, mapping, split))
-        .collect();
+    let chunks: Vec<Parted> =
+        prims.par_chunks_mut(CHUNK).map(|chunk| kernel.partition(chunk, mapping, split)).collect();
     let left = chunks.iter().map(|c| c.left).sum();
     let centroids = chunks.iter().fold([Corners::EMPTY; 2], |sum, chunk| {
         [0, 1].map(|side| sum[side].union(&chunk.centroids[side]))

@@ -46,9 +46,8 @@ fn settings_out_of_range_are_refused() {
 #[test]
 fn the_heuristic_beats_those_without() {
     let mesh = soup(30_000, 8);
-    let cost = |builder: &dyn Builder| {
-        sah(&builder.build_mesh(&mesh).unwrap(), &SahConstants::THESIS_IV)
-    };
+    let cost =
+        |builder: &dyn Builder| sah(&builder.build_mesh(&mesh).unwrap(), &SahConstants::THESIS_IV);
     let binned = cost(&Binned::default());
     assert!(binned < cost(&ObjectMedian::default()));
     assert!(binned < cost(&Lbvh::default()));

@@ -30,7 +30,11 @@ mod part;
 mod prefix;
 mod top_down;
 
-use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh, scene_bounds};
+use niwaki_core::layout::finish;
+use niwaki_core::{
+    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
+};
+use rayon::prelude::*;
 
 /// The linear BVH builder.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,6 +105,36 @@ impl Builder for Lbvh {
     }
 
     fn build(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
+        let (nodes, prim_ids) = self.slots(prims)?;
+        Ok(finish(nodes, prim_ids))
+    }
+
+    fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
+        let prims = mesh.prim_refs();
+        let (nodes, prim_ids) = self.slots(&prims)?;
+        drop(prims); // Before the nodes are moved, where memory use peaks.
+        Ok(finish(nodes, prim_ids))
+    }
+
+    fn memory_bound(&self, count: usize) -> usize {
+        // References, codes and order; then what the algorithm adds to the nodes; or, at the end,
+        // nodes at old and new places and 4 bytes a pair for the new place beside the order.
+        let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
+        let source = count * (size_of::<PrimRef>() + size_of::<u64>() + size_of::<u32>());
+        let extra = match self.algorithm {
+            Algorithm::Lauterbach => 2 * count * chunk::NOTE_BYTES,
+            Algorithm::Karras => count * karras::NODE_BYTES,
+            Algorithm::Apetrei => 0,
+        };
+        let building = source + nodes + extra;
+        let closing = 2 * nodes + count * 2 * size_of::<u32>();
+        building.max(closing) + (256 << 10) + count / 8
+    }
+}
+
+impl Lbvh {
+    /// Nodes, perhaps with holes, and the order of the leaves.
+    fn slots(&self, prims: &[PrimRef]) -> Result<(Vec<BvhNode>, Vec<u32>), BuildError> {
         self.check()?;
         let scene = scene_bounds(prims)?;
         let sorted = morton::sort(prims, &scene, self.code_bits);
@@ -112,17 +146,7 @@ impl Builder for Lbvh {
             Algorithm::Apetrei => top_down::build(source, chunk::apetrei),
         };
         let mut prim_ids = sorted.order;
-        for i in &mut prim_ids {
-            *i = prims[*i as usize].prim_id;
-        }
-        Ok(Bvh { nodes, prim_ids })
-    }
-
-    fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
-        self.build(&mesh.prim_refs())
-    }
-
-    fn memory_bound(&self, count: usize) -> usize {
-        count * 200
+        prim_ids.par_iter_mut().with_min_len(4096).for_each(|i| *i = prims[*i as usize].prim_id);
+        Ok((nodes, prim_ids))
     }
 }

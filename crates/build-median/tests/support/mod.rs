@@ -74,10 +74,7 @@ pub fn hard_cases() -> Vec<(&'static str, TriangleMesh)> {
         ),
         ("points", mesh((0..1000).map(|_| [rng.cube(); 3]))),
         ("equal points", mesh([[Vec3::splat(0.1); 3]; 1000])),
-        (
-            "collinear",
-            mesh((0..1000).map(|i| [0.0, 1.0, 2.0].map(|k| Vec3::splat(i as f32 + k)))),
-        ),
+        ("collinear", mesh((0..1000).map(|i| [0.0, 1.0, 2.0].map(|k| Vec3::splat(i as f32 + k))))),
         (
             "flat",
             mesh(soup(2000, 1).triangles().map(|t| [t.v0, t.v1, t.v2].map(|v| v.with_z(0.0)))),
@@ -143,10 +140,21 @@ pub fn hard_cases() -> Vec<(&'static str, TriangleMesh)> {
                     .chain([[Vec3::splat(1e12); 3]]),
             ),
         ),
-        ("Embree's split epsilon", mesh([
-            [Vec3::new(-6.400_002_4, 25.6, 34.0), Vec3::new(-6.4, 57.600_002, 34.0), Vec3::splat(25.6)],
-            [Vec3::new(-6.400_002_4, 25.6, 57.600_002), Vec3::splat(34.0), Vec3::splat(57.600_002)],
-        ])),
+        (
+            "Embree's split epsilon",
+            mesh([
+                [
+                    Vec3::new(-6.400_002_4, 25.6, 34.0),
+                    Vec3::new(-6.4, 57.600_002, 34.0),
+                    Vec3::splat(25.6),
+                ],
+                [
+                    Vec3::new(-6.400_002_4, 25.6, 57.600_002),
+                    Vec3::splat(34.0),
+                    Vec3::splat(57.600_002),
+                ],
+            ]),
+        ),
     ];
     cases.push(("soup", soup(20_000, 11)));
     cases
