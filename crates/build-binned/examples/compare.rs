@@ -6,7 +6,7 @@ use niwaki_build_binned::Binned;
 use niwaki_build_lbvh::{Algorithm, Lbvh};
 use niwaki_build_median::{ObjectMedian, SpatialMedian};
 use niwaki_core::glam::Vec3;
-use niwaki_core::{Aabb, Builder, PrimRef, SahConstants};
+use niwaki_core::{Aabb, Builder, PrimRef, SahConstants, to_u32};
 use niwaki_metrics::sah;
 use std::time::Instant;
 
@@ -70,7 +70,7 @@ fn scene(count: usize) -> Vec<PrimRef> {
             let center = cluster + point();
             let spread = size * (0.4 + 20.0 * point().x.powi(4).abs());
             let corners = [(); 3].map(|()| center + point() * spread);
-            PrimRef::new(Aabb::from_points(corners), i as u32)
+            PrimRef::new(Aabb::from_points(corners), to_u32(i))
         })
         .collect()
 }

@@ -94,3 +94,8 @@ impl Builder for Binned {
         top_down::memory_bound(count)
     }
 }
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -150,3 +150,8 @@ impl Lbvh {
         Ok((nodes, prim_ids))
     }
 }
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;
