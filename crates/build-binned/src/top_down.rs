@@ -72,9 +72,10 @@ pub(crate) fn build(
 pub(crate) fn memory_bound(count: usize) -> usize {
     // Twice the nodes and 4 bytes of new place per pair of nodes while holes are closed, beside
     // the leaf order. (References, nodes and leaf order before that are less.) The rest is for
-    // task lists, which the bound on the depth keeps short, and for bins.
+    // task lists, which the bound on the depth keeps short, and for each thread's bins.
     let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
-    2 * nodes + count * 2 * size_of::<u32>() + (1 << 20) + count / 8
+    let working = (256 << 10) + rayon::current_num_threads() * 8 * size_of::<Bins>();
+    2 * nodes + count * 2 * size_of::<u32>() + working + count / 8
 }
 
 /// Makes a node a leaf, or an inner node and returns its children.
