@@ -2,7 +2,7 @@
 
 use crate::{Camera, Environment, Light, LightKind, Scene};
 use glam::{DVec3, Vec3};
-use niwaki_core::TriangleMesh;
+use niwaki_core::{Aabb, TriangleMesh};
 use rayon::prelude::*;
 
 /// Cells along the longest edge of the scene.
@@ -28,7 +28,9 @@ pub struct AutomaticView {
 /// of the height) are free and look, in most of 16 horizontal directions and downward, at the
 /// front sides of triangles. (The inside of a solid object looks at back sides.) The camera then
 /// stands in a free cell from which the view is long and nothing is close, and looks along the
-/// longest view. Otherwise it stands outside, above and to the front, at a distance that frames
+/// longest view. If the whole scene is no interior, the box of all vertices but the outermost
+/// hundredth on each side gets a second chance: one far lamp or a wide ground hides no courtyard.
+/// Otherwise the camera stands outside, above and to the front, at a distance that frames
 /// the bounding sphere.
 #[must_use]
 pub fn automatic_camera(mesh: &TriangleMesh) -> AutomaticView {
@@ -37,7 +39,9 @@ pub fn automatic_camera(mesh: &TriangleMesh) -> AutomaticView {
         let camera = Camera::look_at(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, Vec3::Y, 0.7);
         return AutomaticView { camera, inside: false, lamp: None };
     }
-    if let Some(view) = Grid::new(mesh).and_then(|grid| grid.interior()) {
+    let whole = || Grid::new(mesh, bounds).and_then(|grid| grid.interior());
+    let most = || Grid::new(mesh, trimmed(mesh, bounds)).and_then(|grid| grid.interior());
+    if let Some(view) = whole().or_else(most) {
         return view;
     }
     const FOV: f32 = 0.7;
@@ -50,6 +54,45 @@ pub fn automatic_camera(mesh: &TriangleMesh) -> AutomaticView {
     let position = eye.clamp(-limit, limit).as_vec3();
     let camera = Camera::facing(position, -away, Vec3::Y, FOV);
     AutomaticView { camera, inside: false, lamp: None }
+}
+
+/// The box that a hundredth of the vertices lies beyond on each side, to 1/1024 of the bounds.
+fn trimmed(mesh: &TriangleMesh, bounds: Aabb) -> Aabb {
+    const BINS: usize = 1024;
+    let mut out = bounds;
+    for axis in 0..3 {
+        let (low, high) = (f64::from(bounds.min[axis]), f64::from(bounds.max[axis]));
+        let width = (high - low) / BINS as f64;
+        if width <= 0.0 {
+            continue;
+        }
+        let mut counts = [0_usize; BINS];
+        for p in mesh.positions().iter().filter(|p| bounds.contains_point(**p)) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "the point lies within the bounds"
+            )]
+            let bin = ((f64::from(p[axis]) - low) / width) as usize;
+            counts[bin.min(BINS - 1)] += 1;
+        }
+        let tail = mesh.positions().len() / 100;
+        let skip = |bins: &mut dyn Iterator<Item = &usize>| {
+            let mut sum = 0;
+            bins.take_while(|n| {
+                sum += **n;
+                sum <= tail
+            })
+            .count()
+        };
+        let (from, to) = (skip(&mut counts.iter()), skip(&mut counts.iter().rev()));
+        #[expect(clippy::cast_possible_truncation, reason = "within the bounds, which are f32")]
+        if from + to < BINS {
+            out.min[axis] = (low + from as f64 * width) as f32;
+            out.max[axis] = (high - to as f64 * width) as f32;
+        }
+    }
+    out
 }
 
 /// Gives a scene a camera if it has none, and light if it has none: a sky, and inside a closed
@@ -108,8 +151,7 @@ struct Survey {
 }
 
 impl Grid {
-    fn new(mesh: &TriangleMesh) -> Option<Self> {
-        let bounds = mesh.bounds();
+    fn new(mesh: &TriangleMesh, bounds: Aabb) -> Option<Self> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let extent = max - min;
         let cell = extent.max_element() / RESOLUTION;
@@ -270,6 +312,7 @@ impl Grid {
         let is_middle = |&[x, _, z]: &[usize; 3]| middle(x, nx) && middle(z, nz);
         let all = cells.iter().filter(|c| is_middle(c)).count();
         let hollow = cells.iter().zip(&found).filter(|(c, f)| is_middle(c) && f.is_some()).count();
+        if std::env::var_os("NIWAKI_DEBUG").is_some() { eprintln!("hollow {hollow} of {all}"); }
         if all == 0 || hollow * 6 < all {
             return None;
         }
