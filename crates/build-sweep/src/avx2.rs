@@ -263,6 +263,67 @@ pub(crate) unsafe fn sweep(
     (from_left[0].aabb(), split)
 }
 
+/// Sweeps one axis of a large node, without touching anything outside it.
+///
+/// # Safety
+/// The machine has AVX2, and `order` holds valid indices into `prims`, at least one and below
+/// 2^31 of them; `right` is as long.
+#[target_feature(enable = "avx2")]
+pub(crate) unsafe fn sweep_axis(
+    prims: &[PrimRef],
+    order: &[u32],
+    axis: usize,
+    rule: &SplitRule,
+    right: &mut [f32],
+) -> (Aabb, Split) {
+    let count = order.len();
+    assert!(right.len() == count);
+    let refs = prims.as_ptr();
+    let scale = _mm256_set1_ps(rule.scale.get());
+    let mut running = Running::new();
+    let mut extents = [_mm_set1_ps(0.0); 8];
+    for (order, right) in order.chunks(8).zip(right.chunks_mut(8)).rev() {
+        // SAFETY: the indices are valid.
+        for (extent, &i) in extents.iter_mut().zip(order).rev() {
+            *extent = unsafe { running.grow(refs, i) };
+        }
+        let mut areas = [0.0; 8];
+        // SAFETY: eight floats.
+        unsafe { _mm256_storeu_ps(areas.as_mut_ptr(), half_areas(&extents, scale)) };
+        right.copy_from_slice(&areas[..right.len()]);
+    }
+    let costs = Costs::new(rule, count);
+    let mut best = BestOfLanes::new();
+    let mut position = _mm256_add_epi32(lanes(), _mm256_set1_epi32(1));
+    running = Running::new();
+    let mut first = 0;
+    while first + 8 < count {
+        // SAFETY: the indices are valid.
+        for (extent, &i) in extents.iter_mut().zip(&order[first..first + 8]) {
+            *extent = unsafe { running.grow(refs, i) };
+        }
+        // SAFETY: the last area read is that of position `first + 8`, which exists.
+        let area_right = unsafe { _mm256_loadu_ps(right[first + 1..first + 9].as_ptr()) };
+        costs.improve(&mut best, position, half_areas(&extents, scale), area_right);
+        position = _mm256_add_epi32(position, _mm256_set1_epi32(8));
+        first += 8;
+    }
+    // One to eight primitives are left, all but the last of which end a left side.
+    let mut last = [0.0; 9];
+    last[..count - first].copy_from_slice(&right[first..]);
+    for (extent, &i) in extents.iter_mut().zip(&order[first..]) {
+        // SAFETY: the indices are valid.
+        *extent = unsafe { running.grow(refs, i) };
+    }
+    // SAFETY: eight floats from the second of nine on.
+    let area_right = unsafe { _mm256_loadu_ps(last[1..].as_ptr()) };
+    costs.improve(&mut best, position, half_areas(&extents, scale), area_right);
+    let (cost, left) = best.reduce();
+    let split =
+        if cost < f32::INFINITY { Split { cost, axis, left: left as usize } } else { Split::NONE };
+    (running.aabb(), split)
+}
+
 /// The box of a node of one or two primitives: that of its first and last.
 ///
 /// # Safety

@@ -26,6 +26,7 @@
 //! | [`SplitRule`] | when to split and what a split costs; shared by both engines below |
 //! | [`build_tree`] | the parallel engine: from a list of references to a tree |
 //! | [`SweepWorkspace`] | the serial engine with reusable memory, for many small trees |
+//! | [`WorkspacePool`] | workspaces for parallel loops over small trees |
 //! | [`Kernel`] | the instruction set of the sweep; every kernel gives the same tree |
 //!
 //! There are no feature flags.
@@ -34,6 +35,7 @@
 mod avx2;
 mod kernel;
 mod parallel;
+mod pool;
 mod rule;
 mod scalar;
 mod small_sort;
@@ -41,6 +43,7 @@ mod workspace;
 
 pub use kernel::Kernel;
 pub use parallel::build_tree;
+pub use pool::{PooledWorkspace, WorkspacePool};
 pub use rule::SplitRule;
 pub use workspace::SweepWorkspace;
 

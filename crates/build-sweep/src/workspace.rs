@@ -25,6 +25,8 @@ pub struct SweepWorkspace {
     scratch: Vec<u32>,
     /// Areas of the boxes from the start of the node to each position, and from there to its end.
     areas: [Vec<f32>; 6],
+    /// The result of [`SweepWorkspace::build_ordered`].
+    nodes: Vec<BvhNode>,
     /// Right siblings that wait: node, first, end.
     stack: Vec<(u32, u32, u32)>,
 }
@@ -41,6 +43,7 @@ impl SweepWorkspace {
             side: Vec::new(),
             scratch: Vec::new(),
             areas: [const { Vec::new() }; 6],
+            nodes: Vec::new(),
             stack: Vec::new(),
         }
     }
@@ -68,6 +71,30 @@ impl SweepWorkspace {
     ) -> usize {
         self.sort();
         self.build_sorted(rule, nodes, ids, first_prim)
+    }
+
+    /// Builds a tree over primitives that are already sorted along each axis, into memory of the
+    /// workspace. Otherwise like [`SweepWorkspace::build`].
+    pub(crate) fn build_ordered(
+        &mut self,
+        rule: &SplitRule,
+        sorted: [&[u32]; 3],
+        ids: &mut [u32],
+        first_prim: usize,
+    ) -> &[BvhNode] {
+        let count = self.prims.len();
+        for (order, sorted) in self.order.iter_mut().zip(sorted) {
+            assert!(sorted.iter().all(|&p| (p as usize) < count), "positions in `prims`");
+            order.clear();
+            order.resize(PAD, 0);
+            order.extend_from_slice(sorted);
+            order.resize(count + 2 * PAD, 0);
+        }
+        let mut nodes = std::mem::take(&mut self.nodes);
+        nodes.resize(nodes.len().max(2 * count), BvhNode::leaf(Aabb::EMPTY, 0, 0));
+        let used = self.build_sorted(rule, &mut nodes, ids, first_prim);
+        self.nodes = nodes;
+        &self.nodes[..used]
     }
 
     fn sort(&mut self) {
@@ -210,7 +237,7 @@ impl SweepWorkspace {
                 }
                 continue;
             }
-            scalar::partition(&mut order[start..end], &self.side, &mut self.scratch);
+            scalar::partition(&mut order[start..end], &mut self.scratch, |p| self.side[p]);
         }
     }
 }
