@@ -17,7 +17,8 @@ pub struct SweepWorkspace {
     pub prims: Vec<PrimRef>,
     kernel: Kernel,
     /// Primitives sorted along each axis, from [`PAD`] on; a node is the same range in all three.
-    /// The padding holds valid indices, because vector kernels read past the ends of nodes.
+    /// The padding before is zero, a valid index, because vector kernels read past the ends of
+    /// nodes.
     order: [Vec<u32>; 3],
     keys: small_sort::Keys,
     /// 1 for primitives on the right of the split at hand.
@@ -85,10 +86,8 @@ impl SweepWorkspace {
         let count = self.prims.len();
         for (order, sorted) in self.order.iter_mut().zip(sorted) {
             assert!(sorted.iter().all(|&p| (p as usize) < count), "positions in `prims`");
-            order.clear();
-            order.resize(PAD, 0);
-            order.extend_from_slice(sorted);
-            order.resize(count + 2 * PAD, 0);
+            order.resize(order.len().max(count + 2 * PAD), 0);
+            order[PAD..PAD + count].copy_from_slice(sorted);
         }
         let mut nodes = std::mem::take(&mut self.nodes);
         nodes.resize(nodes.len().max(2 * count), BvhNode::leaf(Aabb::EMPTY, 0, 0));
@@ -99,8 +98,7 @@ impl SweepWorkspace {
 
     fn sort(&mut self) {
         for (axis, order) in self.order.iter_mut().enumerate() {
-            order.clear();
-            order.resize(self.prims.len() + 2 * PAD, 0);
+            order.resize(order.len().max(self.prims.len() + 2 * PAD), 0);
             let order = &mut order[PAD..][..self.prims.len()];
             self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
         }
@@ -182,12 +180,21 @@ impl SweepWorkspace {
             assert!(self.order.iter().all(|order| end + 2 * PAD <= order.len()));
             assert!(self.areas.iter().all(|areas| count + 2 * PAD <= areas.len()));
             let order = [0, 1, 2].map(|axis| self.order[axis][PAD + start..].as_ptr());
+            // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
+            // kernels ask for were just checked; orders and their padding hold indices of
+            // primitives.
+            unsafe {
+                if count <= 4 {
+                    return avx2::sweep_four(&self.prims, order, count, rule);
+                }
+                if count <= 8 {
+                    return avx2::sweep_eight(&self.prims, order, count, rule);
+                }
+            }
             let [a, b, c, d, e, f] = &mut self.areas;
             let [left, right] =
                 [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a[PAD..].as_mut_ptr()));
-            // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
-            // the kernel asks for were just checked; orders and their padding hold indices of
-            // primitives.
+            // SAFETY: as above.
             return unsafe { avx2::sweep(&self.prims, order, count, rule, left, right) };
         }
         let mut best = Split::NONE;
@@ -212,6 +219,16 @@ impl SweepWorkspace {
     /// other orders, keeping both sides sorted.
     fn partition(&mut self, split: Split, start: usize, end: usize) {
         let (start, end) = (PAD + start, PAD + end);
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 && end - start <= 8 {
+            assert!(self.order.iter().all(|order| end + PAD <= order.len()));
+            let mut order = self.order.each_mut().map(|order| order[start..].as_mut_ptr());
+            order.rotate_left(split.axis);
+            let [along, a, b] = order;
+            // SAFETY: as in `sweep`; a node is the same range in all orders.
+            unsafe { avx2::partition_eight(along, [a, b], end - start, split.left) };
+            return;
+        }
         let (on_left, on_right) = self.order[split.axis][start..end].split_at(split.left);
         for &p in on_left {
             self.side[p as usize] = 0;
