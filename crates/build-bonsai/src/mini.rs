@@ -16,11 +16,12 @@ pub(crate) struct MiniTree {
 }
 
 /// Builds the tree of every group: `ids` goes in by group and comes out in leaf order, `nodes` has
-/// two slots for each primitive.
+/// two slots for each primitive, and no group is larger than `size`.
 pub(crate) fn build<S: Source + ?Sized>(
     source: &S,
     rule: &SplitRule,
     kernel: Kernel,
+    size: usize,
     groups: &[Range<u32>],
     ids: &mut [u32],
     nodes: &mut [BvhNode],
@@ -33,7 +34,7 @@ pub(crate) fn build<S: Source + ?Sized>(
         tasks.push((group.clone(), ids_here, nodes_here));
         (ids, nodes) = (ids_after, nodes_after);
     }
-    let pool = WorkspacePool::new(kernel);
+    let pool = WorkspacePool::new(kernel, size);
     tasks
         .into_par_iter()
         .map_init(

@@ -42,7 +42,7 @@ mod small_sort;
 mod workspace;
 
 pub use kernel::Kernel;
-pub use parallel::build_tree;
+pub use parallel::{build_tree, tree_memory_bound};
 pub use pool::{PooledWorkspace, WorkspacePool};
 pub use rule::SplitRule;
 pub use workspace::SweepWorkspace;
@@ -84,6 +84,6 @@ impl Builder for Sweep {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        size_of::<PrimRef>() * count + parallel::memory_bound(count)
+        size_of::<PrimRef>() * count + tree_memory_bound(count)
     }
 }

@@ -56,9 +56,10 @@ pub fn build_tree(prims: &[PrimRef], rule: SplitRule, kernel: Kernel) -> Bvh {
     let mut ids = vec![0; count];
     let mut nodes = layout::slots(count);
     if count <= LOCAL {
-        let mut workspace = SweepWorkspace::new(kernel);
+        let mut workspace = SweepWorkspace::with_capacity(kernel, count);
         workspace.prims.extend_from_slice(prims);
         let used = workspace.build(&rule, &mut nodes, &mut ids, 0);
+        drop(workspace);
         nodes.truncate(used);
         nodes.shrink_to_fit();
         return Bvh { nodes, prim_ids: ids };
@@ -72,7 +73,7 @@ pub fn build_tree(prims: &[PrimRef], rule: SplitRule, kernel: Kernel) -> Bvh {
         side: (0..count).into_par_iter().map(|_| AtomicU8::new(0)).collect(),
         place: (0..count).into_par_iter().map(|_| AtomicU32::new(0)).collect(),
     };
-    let pool = WorkspacePool::new(kernel);
+    let pool = WorkspacePool::new(kernel, LOCAL);
     if let Some(subtree) = Subtree::root(&mut nodes) {
         let [x, y, z] = &mut order;
         let [a, b, c] = &mut work;
@@ -89,17 +90,19 @@ pub fn build_tree(prims: &[PrimRef], rule: SplitRule, kernel: Kernel) -> Bvh {
 }
 
 /// Bytes that [`build_tree`] allocates at once for `count` primitives, the result included.
-pub(crate) fn memory_bound(count: usize) -> usize {
+#[must_use]
+pub fn tree_memory_bound(count: usize) -> usize {
     let result = 68 * count;
     if count <= LOCAL {
-        return result + SweepWorkspace::bytes(count) + 4096;
+        return result + SweepWorkspace::bytes(count).max(result) + 1024;
     }
-    // Orders, work, sides and places; the keys of the sort are freed before the work is allocated.
-    let lists = 12 * count + (12 + 1 + 4) * count;
-    // The pool grows by doubling; a thread that waits may run another task inside its own.
+    // Orders, work, sides and places. The keys of the sort take less than work and are gone before
+    // it is allocated.
+    let lists = (12 + 12 + 1 + 4) * count;
+    // A thread that waits for another may start a task inside its own and need a second one.
     let workspaces = 2 * rayon::current_num_threads() * (SweepWorkspace::bytes(LOCAL) + 64 * LOCAL);
-    // While nodes are compacted: a second array, and a new place for each pair.
-    (result + lists + workspaces).max(result + 68 * count) + 65536
+    // Or, while nodes are compacted, a second array and the new place of each pair.
+    result + (lists + workspaces).max(result) + 65536
 }
 
 /// The primitives in the order of their centroids along each axis; equal ones by index.

@@ -11,6 +11,8 @@ use std::sync::Mutex;
 pub struct WorkspacePool {
     free: Mutex<Vec<SweepWorkspace>>,
     kernel: Kernel,
+    /// Primitives that a new workspace has room for.
+    capacity: usize,
 }
 
 /// A workspace that goes back to its pool when it is dropped.
@@ -21,10 +23,11 @@ pub struct PooledWorkspace<'a> {
 }
 
 impl WorkspacePool {
-    /// An empty pool.
+    /// A pool of workspaces for trees of up to `capacity` primitives; larger ones cost an
+    /// allocation.
     #[must_use]
-    pub const fn new(kernel: Kernel) -> Self {
-        Self { free: Mutex::new(Vec::new()), kernel }
+    pub const fn new(kernel: Kernel, capacity: usize) -> Self {
+        Self { free: Mutex::new(Vec::new()), kernel, capacity }
     }
 
     /// A workspace that was used before, or a new one.
@@ -32,7 +35,8 @@ impl WorkspacePool {
     pub fn take(&self) -> PooledWorkspace<'_> {
         let free = self.free.lock().ok().and_then(|mut free| free.pop());
         PooledWorkspace {
-            workspace: free.unwrap_or_else(|| SweepWorkspace::new(self.kernel)),
+            workspace: free
+                .unwrap_or_else(|| SweepWorkspace::with_capacity(self.kernel, self.capacity)),
             pool: self,
         }
     }

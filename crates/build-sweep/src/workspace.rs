@@ -33,7 +33,7 @@ pub struct SweepWorkspace {
 }
 
 impl SweepWorkspace {
-    /// An empty workspace.
+    /// An empty workspace. Falls back to [`Kernel::Scalar`] where the machine lacks `kernel`.
     #[must_use]
     pub fn new(kernel: Kernel) -> Self {
         Self {
@@ -49,10 +49,43 @@ impl SweepWorkspace {
         }
     }
 
-    /// Bytes that a workspace for trees of up to `count` primitives takes.
+    /// A workspace with room for trees of up to `count` primitives, which then allocate nothing,
+    /// except for trees of more than 64 levels.
+    #[must_use]
+    pub fn with_capacity(kernel: Kernel, count: usize) -> Self {
+        let mut workspace = Self::new(kernel);
+        workspace.prims.reserve_exact(count);
+        workspace.keys.reserve(count);
+        workspace.stack.reserve_exact(66);
+        workspace.make_room(count);
+        workspace
+    }
+
+    /// Bytes that a workspace for trees of up to `count` primitives takes at most.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        (count + 2 * PAD) * (32 + 12 + 16 + 1 + 4 + 24) + 12 * (64 + count.ilog2() as usize)
+        let lists = size_of::<PrimRef>() + 12 + 16 + 1 + 4 + 24;
+        // A list that doubles its room while a chain as deep as it is long is built.
+        let stack = 3 * 12 * count;
+        (count + 2 * PAD) * lists + stack + 1024
+    }
+
+    /// Makes all lists but those of keys and primitives long enough.
+    fn make_room(&mut self, count: usize) {
+        fn to_length<T: Copy + Default>(list: &mut Vec<T>, length: usize) {
+            if list.len() < length {
+                list.reserve_exact(length - list.len());
+                list.resize(length, T::default());
+            }
+        }
+        to_length(&mut self.side, count + PAD);
+        to_length(&mut self.scratch, count + PAD);
+        for order in &mut self.order {
+            to_length(order, count + 2 * PAD);
+        }
+        for areas in &mut self.areas {
+            to_length(areas, count + 2 * PAD);
+        }
     }
 
     /// Builds a tree over [`SweepWorkspace::prims`] and returns how many of `nodes` it uses: the
@@ -84,9 +117,9 @@ impl SweepWorkspace {
         first_prim: usize,
     ) -> &[BvhNode] {
         let count = self.prims.len();
+        self.make_room(count);
         for (order, sorted) in self.order.iter_mut().zip(sorted) {
             assert!(sorted.iter().all(|&p| (p as usize) < count), "positions in `prims`");
-            order.resize(order.len().max(count + 2 * PAD), 0);
             order[PAD..PAD + count].copy_from_slice(sorted);
         }
         let mut nodes = std::mem::take(&mut self.nodes);
@@ -97,8 +130,8 @@ impl SweepWorkspace {
     }
 
     fn sort(&mut self) {
+        self.make_room(self.prims.len());
         for (axis, order) in self.order.iter_mut().enumerate() {
-            order.resize(order.len().max(self.prims.len() + 2 * PAD), 0);
             let order = &mut order[PAD..][..self.prims.len()];
             self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
         }
@@ -114,12 +147,6 @@ impl SweepWorkspace {
         let count = self.prims.len();
         assert!(count > 0 && ids.len() == count && nodes.len() >= 2 * count - 1);
         assert!(count < 1 << 28, "vector kernels pack axis and position in 30 bits");
-        let grow = |len: usize, padded: usize| len.max(padded);
-        self.side.resize(grow(self.side.len(), count + PAD), 0);
-        self.scratch.resize(grow(self.scratch.len(), count + PAD), 0);
-        for areas in &mut self.areas {
-            areas.resize(grow(areas.len(), count + 2 * PAD), 0.0);
-        }
         let mut used = 1;
         self.stack.clear();
         self.stack.push((0, 0, to_u32(count)));
