@@ -90,6 +90,7 @@ impl Bonsai {
 
     /// The paper's *Bonsai*: mini trees of up to 512 triangles, no pruning. The fastest build.
     #[must_use]
+    #[expect(clippy::self_named_constructors, reason = "the paper's name for this preset")]
     pub fn bonsai() -> Self {
         Self {
             mini_tree_size: 512,
@@ -223,3 +224,7 @@ impl Builder for Bonsai {
         minis + (roots + top.max(assembly)).max(workspaces) + 65536
     }
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

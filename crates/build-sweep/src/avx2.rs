@@ -187,7 +187,7 @@ fn best_of_axes(best: &[BestOfLanes; 3]) -> Split {
         all.left = _mm256_blendv_epi8(all.left, code, _mm256_castps_si256(better));
     }
     let (cost, code) = all.reduce();
-    let split = if cost < f32::INFINITY {
+    if cost < f32::INFINITY {
         Split {
             cost,
             axis: (code >> CODE_BITS) as usize,
@@ -195,8 +195,7 @@ fn best_of_axes(best: &[BestOfLanes; 3]) -> Split {
         }
     } else {
         Split::NONE
-    };
-    split
+    }
 }
 
 /// [`sweep`] for nodes of up to eight primitives: one block, and areas stay in registers.
@@ -429,8 +428,8 @@ pub(crate) unsafe fn sweep_axis(
     let mut running = Running::new();
     let mut extents = [_mm_set1_ps(0.0); 8];
     for (order, right) in order.chunks(8).zip(right.chunks_mut(8)).rev() {
-        // SAFETY: the indices are valid.
         for (extent, &i) in extents.iter_mut().zip(order).rev() {
+            // SAFETY: the index is valid.
             *extent = unsafe { running.grow(refs, i) };
         }
         let mut areas = [0.0; 8];
@@ -444,8 +443,8 @@ pub(crate) unsafe fn sweep_axis(
     running = Running::new();
     let mut first = 0;
     while first + 8 < count {
-        // SAFETY: the indices are valid.
         for (extent, &i) in extents.iter_mut().zip(&order[first..first + 8]) {
+            // SAFETY: the index is valid.
             *extent = unsafe { running.grow(refs, i) };
         }
         // SAFETY: the last area read is that of position `first + 8`, which exists.

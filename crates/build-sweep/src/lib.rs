@@ -87,3 +87,7 @@ impl Builder for Sweep {
         size_of::<PrimRef>() * count + tree_memory_bound(count)
     }
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
