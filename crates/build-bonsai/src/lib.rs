@@ -1,1 +1,217 @@
-//! Bonsai BVH builder: mini trees, pruning and a top tree (thesis IV).
+//! Bonsai BVH builder: mini trees, pruning and a top tree (Ganestam, Barringer, Doggett and
+//! Akenine-Möller 2015; thesis paper IV, sections 5 and 6).
+//!
+//! ```
+//! use niwaki_build_bonsai::Bonsai;
+//! use niwaki_core::{Builder, TriangleMesh, glam::Vec3};
+//!
+//! let positions: Vec<Vec3> = (0..3000_u32)
+//!     .map(|i| Vec3::new((i % 61) as f32, (i % 53) as f32, (i % 47) as f32))
+//!     .collect();
+//! let indices = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+//! let mesh = TriangleMesh::new(positions, indices)?;
+//! let bvh = Bonsai::bonsai_p().build_mesh(&mesh)?;
+//! assert_eq!(bvh.prim_ids.len(), 1000);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The five steps of the paper:
+//!
+//! 1. *Midpoints.* The middle of the box of every triangle.
+//! 2. *Mini tree selection.* The midpoints are halved in space along the longest axis of their
+//!    bounds until no group holds more than [`Bonsai::mini_tree_size`].
+//! 3. *Mini trees.* A full sweep SAH tree over each group, in memory that stays in the cache.
+//! 4. *Pruning* (optional). Mini trees that are large compared with the others are cut up; the
+//!    pieces are mini trees of their own.
+//! 5. *Top tree.* A full sweep SAH tree whose leaves are the mini trees.
+//!
+//! There are no feature flags.
+
+mod assemble;
+mod mini;
+mod prune;
+mod select;
+mod source;
+mod timings;
+
+pub use timings::Timings;
+
+use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree};
+use niwaki_core::{
+    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
+};
+use source::Source;
+
+/// When a mini tree is cut up (thesis paper IV, section 5.4).
+///
+/// Pruning walks down from the root of every mini tree whose surface area is over a threshold T to
+/// the first nodes that are not: those become mini trees. Leaves end the walk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Pruning {
+    /// Mini trees stay as they were built.
+    Off,
+    /// T is this fraction of the *mean* surface area of the mini tree roots; the paper uses 0.1 and
+    /// 0.01. Finite and not negative; 0 cuts every mini tree down to its leaves.
+    Mean(f32),
+    /// T is the mean plus this many *standard deviations* of the surface areas of the mini tree
+    /// roots, at least 0: the paper's proposal for future work, which leaves evenly tessellated
+    /// scenes alone, whose root areas vary little. Finite; may be negative.
+    Deviation(f32),
+}
+
+/// The Bonsai builder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bonsai {
+    /// N, the most triangles of a mini tree; from 1 to 65536.
+    pub mini_tree_size: u32,
+    /// Whether and how mini trees are cut up.
+    pub pruning: Pruning,
+    /// SAH constants of the mini trees: finite and not negative. The top tree always splits.
+    pub constants: SahConstants,
+    /// A node of a mini tree with more primitives is split even where a leaf would be cheaper; at
+    /// least 1.
+    pub max_leaf_size: u32,
+    /// Instruction set of the sweep; by default the best that this machine has. Trees do not
+    /// depend on it.
+    pub kernel: Kernel,
+}
+
+impl Default for Bonsai {
+    /// [`Bonsai::bonsai_p`], the paper's balance of build time and quality.
+    fn default() -> Self {
+        Self::bonsai_p()
+    }
+}
+
+impl Bonsai {
+    /// The largest [`Bonsai::mini_tree_size`].
+    pub const MAX_MINI_TREE_SIZE: u32 = 1 << 16;
+
+    /// The paper's *Bonsai*: mini trees of up to 512 triangles, no pruning. The fastest build.
+    #[must_use]
+    pub fn bonsai() -> Self {
+        Self {
+            mini_tree_size: 512,
+            pruning: Pruning::Off,
+            constants: SahConstants::default(),
+            max_leaf_size: SplitRule::DEFAULT_MAX_LEAF_SIZE,
+            kernel: Kernel::best(),
+        }
+    }
+
+    /// The paper's *Bonsai P*: mini trees of up to 512 triangles, threshold 0.1 of the mean.
+    #[must_use]
+    pub fn bonsai_p() -> Self {
+        Self { pruning: Pruning::Mean(0.1), ..Self::bonsai() }
+    }
+
+    /// The paper's *Bonsai P\**: mini trees of up to 4096 triangles, threshold 0.01 of the mean.
+    /// The best quality.
+    #[must_use]
+    pub fn bonsai_p_star() -> Self {
+        Self { mini_tree_size: 4096, pruning: Pruning::Mean(0.01), ..Self::bonsai() }
+    }
+
+    /// Builds a tree over a mesh and reports what each step took.
+    ///
+    /// # Errors
+    /// As [`Builder::build_mesh`].
+    pub fn build_mesh_timed(&self, mesh: &TriangleMesh) -> Result<(Bvh, Timings), BuildError> {
+        let rule = self.rule()?;
+        source::check_count(mesh.len())?;
+        Ok(self.run(mesh, rule))
+    }
+
+    /// Builds a tree over references and reports what each step took.
+    ///
+    /// # Errors
+    /// As [`Builder::build`].
+    pub fn build_timed(&self, prims: &[PrimRef]) -> Result<(Bvh, Timings), BuildError> {
+        let rule = self.rule()?;
+        scene_bounds(prims)?;
+        Ok(self.run(prims, rule))
+    }
+
+    fn rule(&self) -> Result<SplitRule, BuildError> {
+        if !(1..=Self::MAX_MINI_TREE_SIZE).contains(&self.mini_tree_size) {
+            return Err(BuildError::BadSetting {
+                setting: "mini_tree_size",
+                value: self.mini_tree_size.to_string(),
+                remedy: "from 1 to 65536 triangles",
+            });
+        }
+        let (value, good) = match self.pruning {
+            Pruning::Off => (0.0, true),
+            Pruning::Mean(f) => (f, f.is_finite() && f >= 0.0),
+            Pruning::Deviation(f) => (f, f.is_finite()),
+        };
+        if !good {
+            return Err(BuildError::BadSetting {
+                setting: "pruning",
+                value: value.to_string(),
+                remedy: "a finite number, for `Mean` not negative",
+            });
+        }
+        SplitRule::by_cost(self.constants, self.max_leaf_size)
+    }
+
+    fn run<S: Source + ?Sized>(&self, source: &S, rule: SplitRule) -> (Bvh, Timings) {
+        let mut timings = Timings::default();
+        let count = source.len();
+        if count == 0 {
+            return (Bvh::default(), timings);
+        }
+        let mut clock = timings::Clock::start();
+        let (midpoints, scale) = source::midpoints(source);
+        let rule = rule.with_scale(scale);
+        timings.midpoints = clock.lap();
+        let (mut ids, groups) = select::select(midpoints, self.mini_tree_size as usize);
+        timings.selection = clock.lap();
+        let mut nodes: Vec<BvhNode> = bytemuck::zeroed_vec(2 * count);
+        let minis = mini::build(source, &rule, self.kernel, &groups, &mut ids, &mut nodes);
+        timings.mini_trees = clock.lap();
+        let roots = prune::roots(&minis, &nodes, self.pruning, scale);
+        timings.pruning = clock.lap();
+        let top = build_tree(
+            &prune::references(&roots, &nodes),
+            SplitRule::to_the_end().with_scale(scale),
+            self.kernel,
+        );
+        timings.top_tree = clock.lap();
+        let bvh = assemble::assemble(&top, &roots, &nodes, &ids);
+        timings.assembly = clock.lap();
+        (bvh, timings)
+    }
+}
+
+impl Builder for Bonsai {
+    /// `bonsai`, `bonsai_p` or `bonsai_p_star` for the mini tree size and pruning of these presets;
+    /// `bonsai_custom` otherwise.
+    fn name(&self) -> &str {
+        [
+            ("bonsai", Self::bonsai()),
+            ("bonsai_p", Self::bonsai_p()),
+            ("bonsai_p_star", Self::bonsai_p_star()),
+        ]
+        .into_iter()
+        .find(|(_, preset)| {
+            preset.mini_tree_size == self.mini_tree_size && preset.pruning == self.pruning
+        })
+        .map_or("bonsai_custom", |(name, _)| name)
+    }
+
+    fn build(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
+        Ok(self.build_timed(prims)?.0)
+    }
+
+    fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
+        Ok(self.build_mesh_timed(mesh)?.0)
+    }
+
+    fn memory_bound(&self, count: usize) -> usize {
+        let workspaces =
+            rayon::current_num_threads() * SweepWorkspace::bytes(self.mini_tree_size as usize);
+        count * 400 + workspaces + 4096
+    }
+}

@@ -51,3 +51,7 @@ pub use prim_ref::PrimRef;
 pub use ray::{Hit, Intersector, Ray};
 pub use sah::SahConstants;
 pub use triangle::Triangle;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

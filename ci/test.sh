@@ -1,0 +1,51 @@
+#!/usr/bin/env bash
+# Installs what the full test suite wants on Debian (Embree, a software Vulkan driver) and runs everything:
+# all tests, the examples, a small benchmark and a small verification.
+#
+#   ci/test.sh             everything
+#   ci/test.sh --no-setup  everything, with what is already installed
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+setup=1
+case "${1:-}" in
+  "") ;;
+  --no-setup) setup=0 ;;
+  *) sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+esac
+
+step() { printf '\n=== %s (%s s)\n' "$*" "$SECONDS"; }
+
+if [ "$setup" = 1 ]; then
+  step "system packages"
+  ci/setup-vulkan.sh
+  step "Embree"
+  # The last line says where the library lies.
+  eval "$(ci/setup-embree.sh | tee /dev/stderr | tail -n 1)"
+  # From here on a missing Embree is a failure, not a skipped test.
+  export NIWAKI_REQUIRE_EMBREE=1
+fi
+
+step "tests"
+cargo test --workspace --locked
+
+step "examples"
+for example in crates/*/examples/*.rs; do
+  crate=$(basename "$(dirname "$(dirname "$example")")")
+  name=$(basename "$example" .rs)
+  echo "--- niwaki-$crate: $name"
+  cargo run --quiet --release --locked -p "niwaki-$crate" --example "$name" > /dev/null
+done
+
+step "benchmark, small"
+cargo xtask bench --quick --scene atrium:20000 --scene hair:20000 --out out/ci-bench
+
+step "verification, small"
+cargo xtask verify --quick --out out/ci-verify
+
+# Real scenes when the machine has them: a folder of files that cargo xtask can load.
+if [ -n "${NIWAKI_SCENES:-}" ] && [ -d "$NIWAKI_SCENES" ]; then
+  step "verification, real scenes of NIWAKI_SCENES"
+  cargo xtask verify --quick --scenes "$NIWAKI_SCENES" --out out/ci-verify-scenes
+fi
+step "passed"

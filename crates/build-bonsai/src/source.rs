@@ -1,0 +1,69 @@
+//! Where primitives come from, and their midpoints (thesis paper IV, section 5.1).
+
+use niwaki_core::builder::MAX_PRIMS;
+use niwaki_core::{Aabb, AreaScale, BuildError, PrimRef, TriangleMesh, to_u32};
+use rayon::prelude::*;
+
+/// Something with boxes: a mesh computes them when they are asked for, which costs less than to
+/// write and read a list.
+pub(crate) trait Source: Sync {
+    fn len(&self) -> usize;
+    fn prim(&self, index: u32) -> PrimRef;
+}
+
+impl Source for TriangleMesh {
+    fn len(&self) -> usize {
+        self.len()
+    }
+
+    #[inline]
+    fn prim(&self, index: u32) -> PrimRef {
+        PrimRef::new(self.triangle(index as usize).bounds(), index)
+    }
+}
+
+impl Source for [PrimRef] {
+    fn len(&self) -> usize {
+        self.len()
+    }
+
+    #[inline]
+    fn prim(&self, index: u32) -> PrimRef {
+        self[index as usize]
+    }
+}
+
+/// The middle of a primitive's box, with the primitive's index.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(16))]
+pub(crate) struct Midpoint {
+    pub(crate) center: [f32; 3],
+    pub(crate) index: u32,
+}
+
+pub(crate) const fn check_count(count: usize) -> Result<(), BuildError> {
+    if count > MAX_PRIMS {
+        return Err(BuildError::TooManyPrimitives { count, max: MAX_PRIMS });
+    }
+    Ok(())
+}
+
+/// All midpoints, and the scale of areas.
+pub(crate) fn midpoints<S: Source + ?Sized>(source: &S) -> (Vec<Midpoint>, AreaScale) {
+    const CHUNK: usize = 4096;
+    let mut midpoints: Vec<Midpoint> = bytemuck::zeroed_vec(source.len());
+    let bounds = midpoints
+        .par_chunks_mut(CHUNK)
+        .enumerate()
+        .map(|(chunk, midpoints)| {
+            let mut bounds = Aabb::EMPTY;
+            for (index, midpoint) in (to_u32(chunk * CHUNK)..).zip(midpoints) {
+                let aabb = source.prim(index).aabb();
+                bounds = bounds.union(aabb);
+                *midpoint = Midpoint { center: aabb.center().to_array(), index };
+            }
+            bounds
+        })
+        .reduce(|| Aabb::EMPTY, Aabb::union);
+    (midpoints, AreaScale::of(&bounds))
+}

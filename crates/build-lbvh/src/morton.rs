@@ -1,0 +1,97 @@
+//! Morton codes and the order they put primitives in.
+
+use niwaki_core::glam::Vec3;
+use niwaki_core::radix::sort_by_key;
+use niwaki_core::{AreaScale, PrimRef, SceneBounds, to_u32};
+use rayon::prelude::*;
+
+const CHUNK: usize = 4096;
+
+/// Primitives in Morton order.
+pub(crate) struct Sorted {
+    /// Morton codes, ascending.
+    pub(crate) codes: Vec<u64>,
+    /// For each code the place of its primitive in the input; ascending where codes are equal.
+    pub(crate) order: Vec<u32>,
+}
+
+/// Maps centroids to codes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quantizer {
+    /// Twice the smallest centroid.
+    low: Vec3,
+    /// A power of two that brings tiny or huge extents near 1, so that `scale` is finite.
+    pre: f32,
+    /// Cells per (scaled) unit.
+    scale: Vec3,
+    last: f32,
+}
+
+impl Quantizer {
+    pub(crate) fn new(scene: &SceneBounds, code_bits: u32) -> Self {
+        let cells = (1_u32 << (code_bits / 3)) as f32;
+        let bounds = &scene.centroid2_bounds;
+        let pre = AreaScale::of(bounds).get();
+        let scale = (bounds.extent() * pre).to_array().map(|e| {
+            let scale = cells / e;
+            if e > 0.0 && scale.is_finite() { scale } else { 0.0 }
+        });
+        Self { low: bounds.min, pre, scale: Vec3::from_array(scale), last: cells - 1.0 }
+    }
+
+    #[inline]
+    pub(crate) fn code(&self, p: &PrimRef) -> u64 {
+        let f = (p.centroid2() - self.low) * self.pre * self.scale;
+        let [x, y, z] = f.to_array().map(|f| self.cell(f));
+        spread(x) << 2 | spread(y) << 1 | spread(z)
+    }
+
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= last < 2^21")]
+    fn cell(&self, f: f32) -> u64 {
+        // A NaN (∞ − ∞ or 0·∞ at the ends of the range) fails the comparison.
+        let f = if f > 0.0 { f } else { 0.0 };
+        u64::from((if f < self.last { f } else { self.last }) as u32)
+    }
+}
+
+/// Puts two zero bits between the lowest 21 bits.
+#[inline]
+fn spread(x: u64) -> u64 {
+    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+/// Sorts by code; equal codes stay in input order.
+pub(crate) fn sort(prims: &[PrimRef], scene: &SceneBounds, code_bits: u32) -> Sorted {
+    let quantizer = Quantizer::new(scene, code_bits);
+    let mut items: Vec<(u64, u32)> = prims
+        .par_iter()
+        .with_min_len(CHUNK)
+        .enumerate()
+        .map(|(i, p)| (quantizer.code(p), to_u32(i)))
+        .collect();
+    let mut spare = vec![(0, 0); items.len()];
+    sort_by_key(&mut items, &mut spare, code_bits, |item| item.0);
+    drop(spare);
+    Sorted {
+        codes: items.par_iter().with_min_len(CHUNK).map(|item| item.0).collect(),
+        order: items.par_iter().with_min_len(CHUNK).map(|item| item.1).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_leaves_two_zeros_between_bits() {
+        for x in [0, 1, 0x1f_ffff, 0x15_5555, 0x0a_aaaa, 0x12_3456] {
+            let expected = (0..21).fold(0, |sum, bit| sum | (x >> bit & 1) << (3 * bit));
+            assert_eq!(spread(x), expected);
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! Who is right when two kernels disagree.
+
+use crate::{
+    closest::near_line,
+    contact::{Contact, contact, has_no_area, is_sound, plane_t},
+    difficulty::{border_distance_ulps, t_error_bound},
+};
+use niwaki_core::{Hit, Ray, Triangle, TriangleMesh};
+
+/// What became of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Both report the same primitive, at distances that are equal up to rounding; or both miss.
+    Agree,
+    /// Different primitives at distances that are equal or that `f32` cannot put in order: a
+    /// shared edge, coincident geometry.
+    Tie,
+    /// One lost or gained a hit, and the exact ray passes within a few ulp of that triangle's
+    /// border, lies in its plane, or has the hit at the end of its range. Never acceptable where
+    /// it opens a closed surface: a watertight kernel has to be tested for that by itself.
+    Rounding,
+    /// The peer's claim is false: what it reports is no hit, or it missed one that no rounding
+    /// excuses.
+    PeerWrong,
+    /// Our claim is false, whatever the peer says.
+    OursWrong,
+}
+
+/// Where [`settle`] draws the line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SettleOptions {
+    /// A hit or miss within this many ulp of a triangle's border
+    /// ([`border_distance_ulps`]) counts as rounding. Default 8: translating, shearing and the
+    /// edge functions of a kernel, and the slabs of the boxes on the way, round a handful of
+    /// times.
+    pub border_ulps: f64,
+    /// Search the whole mesh for a nearer hit that both missed, before the peer is found wrong or
+    /// rounding is accepted. Default true; costs a scan of the mesh.
+    pub scan: bool,
+}
+
+impl Default for SettleOptions {
+    fn default() -> Self {
+        Self { border_ulps: 8.0, scan: true }
+    }
+}
+
+/// What exact arithmetic says about one kernel's answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Claim {
+    /// It reports no hit.
+    Miss,
+    /// It reports a primitive that does not exist.
+    NoSuchPrimitive {
+        /// The reported id.
+        prim_id: u32,
+    },
+    /// It reports a hit, but the ray misses the triangle by more than rounding explains.
+    FalseHit {
+        /// The reported id.
+        prim_id: u32,
+        /// How far the line is from the triangle's border.
+        border_ulps: f64,
+    },
+    /// It reports a triangle that the ray hits or nearly hits, but not where it is.
+    FalseDistance {
+        /// The reported id.
+        prim_id: u32,
+        /// The reported distance.
+        reported: f32,
+        /// The true one.
+        exact: f64,
+        /// How far the two may differ.
+        bound: f64,
+    },
+    /// It reports a triangle that the ray hits, or misses by no more than rounding.
+    Hit {
+        /// The reported id.
+        prim_id: u32,
+        /// What is true.
+        contact: Contact,
+        /// The true distance to the triangle's plane; the reported one if the ray lies in it.
+        t: f64,
+        /// How far an `f32` kernel's distance may be from that.
+        t_error: f64,
+        /// How far the line is from the triangle's border.
+        border_ulps: f64,
+        /// True if rounding is no excuse for missing it: the ray pierces the inside, away from
+        /// the border and from the ends of its range.
+        certain: bool,
+    },
+}
+
+impl Claim {
+    const fn is_false(&self) -> bool {
+        matches!(
+            self,
+            Self::NoSuchPrimitive { .. } | Self::FalseHit { .. } | Self::FalseDistance { .. }
+        )
+    }
+}
+
+/// A verdict with its reasons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settlement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// What our answer is worth.
+    pub ours: Claim,
+    /// What the peer's answer is worth.
+    pub theirs: Claim,
+    /// A hit that rounding cannot excuse missing, nearer than our answer, found by the scan.
+    pub missed: Option<Claim>,
+}
+
+/// [`settle_with`] the default options, verdict only.
+#[must_use]
+pub fn settle(ray: &Ray, mesh: &TriangleMesh, ours: &Hit, theirs: &Hit) -> Verdict {
+    settle_with(ray, mesh, ours, theirs, &SettleOptions::default()).verdict
+}
+
+/// Settles what two closest-hit kernels report for a ray.
+///
+/// Each reported hit is tested exactly: it is *false* if the ray misses the triangle by more than
+/// [`SettleOptions::border_ulps`] or if its `t` is further from the truth than
+/// [`t_error_bound`]; it is *certain* if the ray pierces the triangle's inside, further than that
+/// from its border and, by more than the error of `t`, from the ends of the range. Then:
+///
+/// | case | verdict |
+/// |---|---|
+/// | both miss, or the same primitive at true distances | agree |
+/// | a claim is false | that side is wrong; ours if both |
+/// | one misses what the other hits | certain: the one is wrong; otherwise rounding |
+/// | different primitives, distances apart by no more than both bounds | tie |
+/// | different primitives otherwise | nearer one certain: the farther side is wrong; otherwise rounding |
+///
+/// Where this would find the peer wrong or excuse rounding, the whole mesh is searched
+/// ([`SettleOptions::scan`]), and ours is wrong after all if a certain hit lies nearer than what
+/// we report. Agreement and ties are not searched: a fault that both share takes a comparison
+/// with [`crate::closest_in_mesh`].
+#[must_use]
+pub fn settle_with(
+    ray: &Ray,
+    mesh: &TriangleMesh,
+    ours: &Hit,
+    theirs: &Hit,
+    options: &SettleOptions,
+) -> Settlement {
+    let claims = [ours, theirs].map(|hit| examine(ray, mesh, hit, options));
+    let verdict = weigh(claims, ours.prim_id == theirs.prim_id);
+    let mut settlement = Settlement { verdict, ours: claims[0], theirs: claims[1], missed: None };
+    if options.scan && matches!(verdict, Verdict::PeerWrong | Verdict::Rounding) {
+        settlement.missed = missed_hit(ray, mesh, &settlement.ours, options);
+        if settlement.missed.is_some() {
+            settlement.verdict = Verdict::OursWrong;
+        }
+    }
+    settlement
+}
+
+/// Settles what two any-hit kernels report for a ray: [`settle_any_among`] all triangles of the
+/// mesh, with the default options.
+#[must_use]
+pub fn settle_any(ray: &Ray, mesh: &TriangleMesh, ours: bool, theirs: bool) -> Verdict {
+    if ours == theirs {
+        return Verdict::Agree;
+    }
+    let options = SettleOptions::default();
+    let candidates = near_line(ray, mesh, options.border_ulps);
+    let candidates = candidates.into_iter().map(|i| (i, mesh.triangle(i as usize)));
+    settle_any_among(ray, candidates, ours, theirs, &options)
+}
+
+/// Settles what two any-hit kernels report for a ray, among candidates that must include every
+/// triangle that the ray hits or passes within [`SettleOptions::border_ulps`].
+///
+/// If one of them is a certain hit (see [`settle_with`]), who reports none is wrong; if rounding
+/// could make a hit of one, rounding; if not even that, who reports a hit is wrong.
+pub fn settle_any_among(
+    ray: &Ray,
+    candidates: impl IntoIterator<Item = (u32, Triangle)>,
+    ours: bool,
+    theirs: bool,
+    options: &SettleOptions,
+) -> Verdict {
+    if ours == theirs {
+        return Verdict::Agree;
+    }
+    let mut possible = false;
+    for (id, triangle) in candidates {
+        if let Claim::Hit { certain, .. } = examine_triangle(ray, id, &triangle, None, options) {
+            possible = true;
+            if certain {
+                return if ours { Verdict::PeerWrong } else { Verdict::OursWrong };
+            }
+        }
+    }
+    if possible {
+        Verdict::Rounding
+    } else if ours {
+        Verdict::OursWrong
+    } else {
+        Verdict::PeerWrong
+    }
+}
+
+fn weigh([ours, theirs]: [Claim; 2], same_primitive: bool) -> Verdict {
+    if ours.is_false() {
+        return Verdict::OursWrong;
+    }
+    if theirs.is_false() {
+        return Verdict::PeerWrong;
+    }
+    match (ours, theirs) {
+        (Claim::Hit { certain, .. }, Claim::Miss) => {
+            if certain {
+                Verdict::PeerWrong
+            } else {
+                Verdict::Rounding
+            }
+        }
+        (Claim::Miss, Claim::Hit { certain, .. }) => {
+            if certain {
+                Verdict::OursWrong
+            } else {
+                Verdict::Rounding
+            }
+        }
+        (
+            Claim::Hit { t: our_t, t_error: our_error, certain: our_certain, .. },
+            Claim::Hit { t: their_t, t_error: their_error, certain: their_certain, .. },
+        ) => {
+            if same_primitive {
+                Verdict::Agree
+            } else if (our_t - their_t).abs() <= our_error + their_error {
+                Verdict::Tie
+            } else if our_t < their_t {
+                if our_certain { Verdict::PeerWrong } else { Verdict::Rounding }
+            } else if their_certain {
+                Verdict::OursWrong
+            } else {
+                Verdict::Rounding
+            }
+        }
+        _ => Verdict::Agree,
+    }
+}
+
+fn examine(ray: &Ray, mesh: &TriangleMesh, hit: &Hit, options: &SettleOptions) -> Claim {
+    if !hit.is_hit() {
+        return Claim::Miss;
+    }
+    let prim_id = hit.prim_id;
+    if prim_id as usize >= mesh.len() {
+        return Claim::NoSuchPrimitive { prim_id };
+    }
+    examine_triangle(ray, prim_id, &mesh.triangle(prim_id as usize), Some(hit.t), options)
+}
+
+fn examine_triangle(
+    ray: &Ray,
+    prim_id: u32,
+    triangle: &Triangle,
+    reported: Option<f32>,
+    options: &SettleOptions,
+) -> Claim {
+    let contact = contact(ray, triangle);
+    let border_ulps = border_distance_ulps(ray, triangle);
+    let false_hit = Claim::FalseHit { prim_id, border_ulps };
+    let near_border = border_ulps <= options.border_ulps;
+    if !is_sound(ray) || !(ray.t_min <= ray.t_max) || has_no_area(triangle) {
+        return false_hit;
+    }
+    let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
+    let Some(t) = plane_t(ray, triangle) else {
+        // In the plane: within a trace of the border if at all, at any distance along it.
+        return if near_border && let Some(span) = span_in_plane(ray, triangle, reported) {
+            Claim::Hit { prim_id, contact, t: span.0, t_error: span.1, border_ulps, certain: false }
+        } else {
+            false_hit
+        };
+    };
+    let t_error = t_error_bound(ray, triangle);
+    let in_range = t_min - t_error <= t && t <= t_max + t_error;
+    if !(in_range && (near_border || crosses_inside(ray, triangle))) {
+        return false_hit;
+    }
+    if let Some(reported) = reported
+        && !((f64::from(reported) - t).abs() <= t_error)
+    {
+        return Claim::FalseDistance { prim_id, reported, exact: t, bound: t_error };
+    }
+    let certain = contact == Contact::Interior
+        && !near_border
+        && t_min + t_error <= t
+        && t <= t_max - t_error;
+    Claim::Hit { prim_id, contact, t, t_error, border_ulps, certain }
+}
+
+/// True if the line of the ray hits the triangle at whatever distance.
+fn crosses_inside(ray: &Ray, triangle: &Triangle) -> bool {
+    contact(&ray.with_range(f32::NEG_INFINITY, f32::INFINITY), triangle).is_hit()
+}
+
+/// For a ray in the plane of a triangle: the middle of the distances at which it may be next to
+/// it, and half their extent; `None` if they are out of range or do not include the reported one.
+fn span_in_plane(ray: &Ray, triangle: &Triangle, reported: Option<f32>) -> Option<(f64, f64)> {
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let along = triangle
+        .vertices()
+        .map(|v| (v.as_dvec3() - origin).dot(direction) / direction.length_squared());
+    let low = along.into_iter().fold(f64::INFINITY, f64::min);
+    let high = along.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    let margin = (high - low + low.abs().max(high.abs())) * 1e-6;
+    let (low, high) = (low - margin, high + margin);
+    let in_range = low <= f64::from(ray.t_max) && high >= f64::from(ray.t_min);
+    let reported = reported.is_none_or(|t| low <= f64::from(t) && f64::from(t) <= high);
+    (in_range && reported).then_some(((low + high) * 0.5, (high - low) * 0.5))
+}
+
+/// A certain hit before our answer, by more than the errors of both.
+fn missed_hit(
+    ray: &Ray,
+    mesh: &TriangleMesh,
+    ours: &Claim,
+    options: &SettleOptions,
+) -> Option<Claim> {
+    let limit = match ours {
+        Claim::Hit { t, t_error, .. } => t - t_error,
+        _ => f64::INFINITY,
+    };
+    near_line(ray, mesh, 0.0)
+        .into_iter()
+        .map(|i| examine_triangle(ray, i, &mesh.triangle(i as usize), None, options))
+        .find(|claim| {
+            matches!(*claim, Claim::Hit { certain: true, t, t_error, .. } if t + t_error < limit)
+        })
+}

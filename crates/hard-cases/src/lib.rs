@@ -1,0 +1,25 @@
+//! Geometry and rays on which floating-point BVH builders and ray kernels go wrong.
+//!
+//! Builders, kernels and peers are all run against the same catalogue, by their own tests and by
+//! `cargo xtask verify`.
+//!
+//! ```
+//! for case in niwaki_hard_cases::meshes() {
+//!     let rays = niwaki_hard_cases::rays(&case.mesh, 16, 1);
+//!     println!("{}: {} triangles, {} rays", case.name, case.mesh.len(), rays.len());
+//! }
+//! ```
+//!
+//! Sources: the issue trackers of tinybvh (#138, #156, #164, #168, #282, #283), Embree (#174,
+//! #181, #387), svenstaro/bvh (#44) and parry (#444), Embree's and pbrt-v4's regression tests, and
+//! the arithmetic of Ize 2013 and of Woop, Benthin and Wald 2013.
+
+mod meshes;
+mod rays;
+
+pub use meshes::{Case, bad_prim_refs, closed_star, deep_chain, meshes};
+pub use rays::{aimed_at_borders, bad_rays, rays};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

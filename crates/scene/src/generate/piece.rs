@@ -1,0 +1,235 @@
+//! Pieces that scenes are put together from, evaluated in parallel and joined in order.
+
+use crate::{Camera, Dropped, Environment, Light, Material, Scene};
+use glam::{DMat3, DVec3, Vec3};
+use niwaki_core::{TriangleMesh, to_u32};
+use rayon::prelude::*;
+
+/// Vertices and triangles of one piece.
+#[derive(Default)]
+pub(super) struct Patch {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) indices: Vec<[u32; 3]>,
+}
+
+impl Patch {
+    /// Adds the quadrilateral a, b, c, d (counterclockwise from outside).
+    pub(super) fn quad(&mut self, corners: [DVec3; 4]) {
+        let base = to_u32(self.positions.len());
+        self.positions.extend(corners.map(|p| p.as_vec3()));
+        self.indices.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    }
+
+    /// Adds a box of 12 triangles: center, half extents along the columns of `axes`.
+    pub(super) fn cuboid(&mut self, center: DVec3, half: DVec3, axes: DMat3) {
+        let base = to_u32(self.positions.len());
+        for i in 0..8_u32 {
+            let sign = |bit: u32| if i & bit == 0 { -1.0 } else { 1.0 };
+            let local = half * DVec3::new(sign(1), sign(2), sign(4));
+            self.positions.push((center + axes * local).as_vec3());
+        }
+        const FACES: [[u32; 4]; 6] =
+            [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        for [a, b, c, d] in FACES.map(|f| f.map(|i| i + base)) {
+            self.indices.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+}
+
+type Emit = Box<dyn Fn() -> Patch + Send + Sync>;
+
+/// Everything that a generator decides before the vertices are computed.
+pub(super) struct Plan {
+    pieces: Vec<(u32, Emit)>,
+    pub(super) materials: Vec<Material>,
+    pub(super) cameras: Vec<Camera>,
+    pub(super) lights: Vec<Light>,
+    pub(super) environment: Environment,
+}
+
+/// Which sides of a grid are joined.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wrap {
+    No,
+    U,
+    Both,
+}
+
+impl Plan {
+    pub(super) fn new(materials: Vec<Material>, camera: Camera, environment: Environment) -> Self {
+        Self {
+            pieces: Vec::new(),
+            materials,
+            cameras: vec![camera],
+            lights: Vec::new(),
+            environment,
+        }
+    }
+
+    /// Adds a piece that `emit` computes; it must be a pure function.
+    pub(super) fn piece(
+        &mut self,
+        material: u32,
+        emit: impl Fn() -> Patch + Send + Sync + 'static,
+    ) {
+        self.pieces.push((material, Box::new(emit)));
+    }
+
+    /// Adds `nu` × `nv` cells of two triangles over the unit square mapped by `f`; returns how
+    /// many triangles these are. Joined sides share their vertices.
+    pub(super) fn grid(
+        &mut self,
+        material: u32,
+        [nu, nv]: [usize; 2],
+        wrap: Wrap,
+        f: impl Fn(f64, f64) -> DVec3 + Send + Sync + 'static,
+    ) -> usize {
+        self.piece(material, move || grid(nu, nv, wrap, &f));
+        2 * nu * nv
+    }
+
+    /// Computes all pieces on the current rayon pool and joins them in the order they were added.
+    pub(super) fn into_scene(self, name: &str) -> Scene {
+        let patches: Vec<Patch> = self.pieces.par_iter().map(|(_, emit)| emit()).collect();
+        let mut positions = Vec::with_capacity(patches.iter().map(|p| p.positions.len()).sum());
+        let triangles = patches.iter().map(|p| p.indices.len()).sum();
+        let mut indices = Vec::with_capacity(triangles);
+        let mut material_ids = Vec::with_capacity(triangles);
+        for (patch, (material, _)) in patches.into_iter().zip(&self.pieces) {
+            let base = to_u32(positions.len());
+            positions.extend_from_slice(&patch.positions);
+            indices.extend(patch.indices.iter().map(|t| t.map(|i| i + base)));
+            material_ids.resize(indices.len(), *material);
+        }
+        let mesh = TriangleMesh::new(positions, indices)
+            .expect("generators stay within moderate coordinates and number their own vertices");
+        Scene {
+            name: name.into(),
+            mesh,
+            normals: Vec::new(),
+            uvs: Vec::new(),
+            material_ids,
+            materials: self.materials,
+            textures: Vec::new(),
+            cameras: self.cameras,
+            lights: self.lights,
+            environment: self.environment,
+            dropped: Dropped::default(),
+        }
+    }
+}
+
+/// A mapped grid; rows are computed in parallel.
+#[expect(clippy::cast_precision_loss, reason = "grid sizes are far below 2^53")]
+fn grid(nu: usize, nv: usize, wrap: Wrap, f: &(impl Fn(f64, f64) -> DVec3 + Sync)) -> Patch {
+    let columns = if wrap == Wrap::No { nu + 1 } else { nu };
+    let rows = if wrap == Wrap::Both { nv } else { nv + 1 };
+    let mut positions = vec![Vec3::ZERO; columns * rows];
+    let rows_at_once = 4096_usize.div_ceil(columns);
+    positions.par_chunks_mut(columns).with_min_len(rows_at_once).enumerate().for_each(
+        |(j, row)| {
+            for (i, p) in row.iter_mut().enumerate() {
+                *p = f(i as f64 / nu as f64, j as f64 / nv as f64).as_vec3();
+            }
+        },
+    );
+    let mut indices = vec![[0; 3]; 2 * nu * nv];
+    indices.par_chunks_mut(2 * nu).with_min_len(rows_at_once).enumerate().for_each(|(j, row)| {
+        let (low, high) = (j * columns, (j + 1) % rows * columns);
+        for (i, pair) in row.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+            let next = (i + 1) % columns;
+            let [a, b, c, d] = [low + i, low + next, high + next, high + i].map(to_u32);
+            *pair = [[a, b, c], [a, c, d]];
+        }
+    });
+    Patch { positions, indices }
+}
+
+/// Cells of a grid of about `triangles` triangles with `aspect` columns a row, at least `least`.
+pub(super) fn cells(triangles: usize, aspect: f64, least: [usize; 2]) -> [usize; 2] {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        clippy::cast_sign_loss,
+        reason = "the root of half a triangle count is small and positive"
+    )]
+    let nu = ((triangles as f64 * 0.5 * aspect).max(0.0).sqrt().round() as usize).max(least[0]);
+    let nv = ((triangles + nu) / (2 * nu)).max(least[1]);
+    [nu, nv]
+}
+
+/// Divides a number of triangles over parts by weight, passing on what rounding leaves, so that
+/// the sum keeps to the request.
+pub(super) struct Budget {
+    triangles: usize,
+    weight: f64,
+}
+
+impl Budget {
+    /// `triangles` for parts whose weights add up to `weight`.
+    pub(super) const fn new(triangles: usize, weight: f64) -> Self {
+        Self { triangles, weight }
+    }
+
+    /// The share of the next part.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        clippy::cast_sign_loss,
+        reason = "shares are between 0 and the triangle count"
+    )]
+    pub(super) fn share(&mut self, weight: f64) -> usize {
+        let share = self.triangles as f64 * (weight / self.weight.max(weight)).clamp(0.0, 1.0);
+        self.weight = (self.weight - weight).max(0.0);
+        share as usize
+    }
+
+    /// What the part really took.
+    pub(super) const fn spend(&mut self, triangles: usize) {
+        self.triangles = self.triangles.saturating_sub(triangles);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_joined_on_both_sides_is_closed() {
+        let patch = grid(7, 5, Wrap::Both, &|u, v| DVec3::new(u, v, 0.0));
+        assert_eq!((patch.positions.len(), patch.indices.len()), (35, 70));
+        let mut edges = std::collections::HashMap::new();
+        for t in &patch.indices {
+            for k in 0..3 {
+                *edges.entry((t[k], t[(k + 1) % 3])).or_insert(0) += 1;
+            }
+        }
+        // Every directed edge once, and its opposite once.
+        assert!(edges.iter().all(|(&(a, b), &n)| n == 1 && edges.get(&(b, a)) == Some(&1)));
+    }
+
+    #[test]
+    fn boxes_are_closed_and_face_outward() {
+        let mut patch = Patch::default();
+        patch.cuboid(DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), DMat3::IDENTITY);
+        let corner = |i: u32| patch.positions[i as usize];
+        let volume: f32 = patch
+            .indices
+            .iter()
+            .map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0)
+            .sum();
+        assert!((volume - 48.0).abs() < 1e-3, "{volume}");
+    }
+
+    #[test]
+    fn budgets_are_spent() {
+        let mut budget = Budget::new(1000, 10.0);
+        let mut sum = 0;
+        for _ in 0..10 {
+            let take = budget.share(1.0) / 7 * 7;
+            budget.spend(take);
+            sum += take;
+        }
+        assert!((1000 - sum) < 7, "{sum}");
+    }
+}
