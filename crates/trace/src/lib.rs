@@ -1,1 +1,48 @@
 //! CPU ray traversal kernels over binary and wide BVHs.
+//!
+//! ```
+//! use niwaki_core::{Bvh, BvhNode, Intersector, Ray, TriangleMesh, glam::Vec3};
+//! use niwaki_trace::WideScene;
+//!
+//! let mesh = TriangleMesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]])?;
+//! // Any builder makes the tree; for one triangle a leaf will do.
+//! let bvh = Bvh { nodes: vec![BvhNode::leaf(mesh.bounds(), 0, 1)], prim_ids: vec![0] };
+//! let scene = WideScene::new(&bvh, &mesh)?;
+//! let hit = scene.closest_hit(&Ray::new(Vec3::new(0.25, 0.5, -2.0), Vec3::Z));
+//! assert_eq!((hit.prim_id, hit.t, hit.u, hit.v), (0, 2.0, 0.25, 0.5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | item | what it is |
+//! |---|---|
+//! | [`WideScene`] | an 8-wide tree with its triangles, traced by the fastest [`Kernel`] the processor has |
+//! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
+//! | [`brute_force`] | every triangle tested: what the kernels are compared with |
+//! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
+//!
+//! All of them use one sequence of triangle arithmetic, fused multiply-adds included, so a hit
+//! has the same `t`, `u` and `v` to the last bit whichever kernel found it, and among hits at
+//! equal `t` the smallest `prim_id` wins everywhere.
+//!
+//! Coordinates of any finite magnitude work: scenes and rays are scaled by powers of two, which
+//! changes no significand, so that products neither overflow nor vanish.
+//!
+//! There are no feature flags.
+
+mod binary;
+mod brute;
+mod counts;
+mod error;
+mod kernel;
+mod scalar;
+mod scale;
+mod setup;
+mod triangle;
+mod wide;
+
+pub use binary::BinaryScene;
+pub use brute::{brute_force, brute_force_any};
+pub use counts::Counts;
+pub use error::SceneError;
+pub use kernel::Kernel;
+pub use wide::WideScene;

@@ -1,1 +1,42 @@
 //! Wide BVH layouts collapsed from binary trees.
+//!
+//! ```
+//! use niwaki_core::{Aabb, Bvh, BvhNode, glam::Vec3};
+//! use niwaki_wide::{Bvh8, Child, CollapseSettings};
+//!
+//! // Two triangles far apart, each in a leaf of its own.
+//! let unit = |x: f32| Aabb::new(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 1.0, 1.0, 0.0));
+//! let bvh = Bvh {
+//!     nodes: vec![
+//!         BvhNode::inner(unit(0.0).union(unit(9.0)), 1),
+//!         BvhNode::leaf(unit(0.0), 0, 1),
+//!         BvhNode::leaf(unit(9.0), 1, 1),
+//!     ],
+//!     prim_ids: vec![7, 3],
+//! };
+//! let wide = Bvh8::collapse(&bvh, &CollapseSettings::default())?;
+//! assert_eq!(wide.nodes().len(), 1);
+//! assert_eq!(wide.nodes()[0].child(0), Some(Child::Leaf { first: 0, count: 1 }));
+//! assert_eq!(wide.prim_ids(), [7, 3]);
+//! # Ok::<(), niwaki_wide::CollapseError>(())
+//! ```
+//!
+//! A wide node holds the boxes of eight children as structure of arrays, so that one SIMD
+//! instruction tests all eight against a ray (Wald, Benthin and Boulos 2008; thesis section 3.10
+//! and paper V, section 4.2). [`Bvh8::collapse`] makes such nodes from any binary tree: it opens
+//! the child with the largest surface area until eight are there. Small subtrees become one leaf,
+//! because a vector unit tests up to eight triangles at about the price of one.
+//!
+//! The result does not depend on the number of threads, and no input can make it recurse: nodes
+//! are laid out breadth first, one level of the wide tree after the other.
+//!
+//! There are no feature flags.
+
+mod collapse;
+mod counts;
+mod error;
+mod node;
+
+pub use collapse::CollapseSettings;
+pub use error::CollapseError;
+pub use node::{Bvh8, Child, Node8};

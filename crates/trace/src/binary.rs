@@ -1,0 +1,274 @@
+//! The scalar reference kernel over the binary tree.
+
+use crate::{
+    Counts, SceneError,
+    counts::Counter,
+    scale::SceneScale,
+    setup::RaySetup,
+    triangle::{EdgeTriangle, intersect, no_hit, settle},
+};
+use niwaki_core::{
+    Bvh, BvhNode, Hit, Intersector, Ray, TriangleMesh, float::ROBUST_SLAB, glam::Vec3,
+};
+use niwaki_wide::CollapseError;
+use rayon::prelude::*;
+
+/// A binary tree with its triangles, traced by plain scalar code: the reference for every other
+/// kernel, and the one whose [`Counts`] match the binary tree's expected costs.
+///
+/// Owns a copy of all that it needs.
+#[derive(Clone, Debug)]
+pub struct BinaryScene {
+    nodes: Vec<BvhNode>,
+    prim_ids: Vec<u32>,
+    /// One a reference, in leaf order.
+    triangles: Vec<EdgeTriangle>,
+    scale: SceneScale,
+}
+
+impl BinaryScene {
+    /// Lays a tree and its triangles out for tracing, on the current rayon pool.
+    ///
+    /// # Errors
+    /// [`SceneError::NoSuchTriangle`] if the tree is not of this mesh, or
+    /// [`CollapseError::Malformed`] if it is not a tree.
+    pub fn new(bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
+        check_tree(bvh)?;
+        check_ids(&bvh.prim_ids, mesh)?;
+        let scale = SceneScale::of(&bvh.bounds());
+        let nodes = bvh.nodes.par_iter().with_min_len(4096).map(|node| {
+            let bounds = scale.aabb(node.aabb());
+            BvhNode { min: bounds.min, max: bounds.max, ..*node }
+        });
+        let triangles = bvh
+            .prim_ids
+            .par_iter()
+            .with_min_len(4096)
+            .map(|&id| EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize))));
+        Ok(Self {
+            nodes: nodes.collect(),
+            prim_ids: bvh.prim_ids.clone(),
+            triangles: triangles.collect(),
+            scale,
+        })
+    }
+
+    /// Bytes that nodes, ids and triangles take.
+    #[must_use]
+    pub const fn bytes(&self) -> usize {
+        size_of::<BvhNode>() * self.nodes.len()
+            + size_of::<u32>() * self.prim_ids.len()
+            + size_of::<EdgeTriangle>() * self.triangles.len()
+    }
+
+    /// [`Intersector::closest_hit`] with the work it took.
+    #[must_use]
+    pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
+        let mut counts = Counts::default();
+        let hit = self.trace::<false, _>(ray, &mut counts);
+        (hit, counts)
+    }
+
+    /// [`Intersector::any_hit`] with the work it took.
+    #[must_use]
+    pub fn any_hit_counted(&self, ray: &Ray) -> (bool, Counts) {
+        let mut counts = Counts::default();
+        let hit = self.trace::<true, _>(ray, &mut counts);
+        (hit.is_hit(), counts)
+    }
+
+    #[inline]
+    fn trace<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has the instructions, as just checked.
+            return unsafe { self.traverse_fma::<ANY, C>(ray, counter) };
+        }
+        self.traverse::<ANY, C>(ray, counter)
+    }
+
+    /// The same code with hardware multiply-adds, whose results are the same by definition.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "fma")]
+    fn traverse_fma<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
+        self.traverse::<ANY, C>(ray, counter)
+    }
+
+    #[inline(always)]
+    fn traverse<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
+        let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
+        let Some(root) = self.nodes.first() else { return Hit::MISS };
+        let slabs = RobustSlabs::new(&setup);
+        let mut hit = no_hit(setup.t_max);
+        counter.boxes(1);
+        if slabs.entry(root, setup.t_min, hit.t).is_none() {
+            return Hit::MISS;
+        }
+        let mut stack = Stack::new();
+        let mut index = 0;
+        loop {
+            let node = &self.nodes[index];
+            if node.is_leaf() {
+                counter.leaf(node.count);
+                let range = node.prim_range();
+                let refs = self.triangles[range.clone()].iter().zip(&self.prim_ids[range]);
+                for (triangle, &id) in refs {
+                    intersect(triangle, id, setup.origin, setup.direction, setup.t_min, &mut hit);
+                    if ANY && hit.is_hit() {
+                        return setup.finish(hit);
+                    }
+                }
+            } else {
+                counter.node(2);
+                let [a, b] = node.children();
+                let entry_a = slabs.entry(&self.nodes[a], setup.t_min, hit.t);
+                let entry_b = slabs.entry(&self.nodes[b], setup.t_min, hit.t);
+                match (entry_a, entry_b) {
+                    (Some(ta), Some(tb)) => {
+                        let (near, far, t_far) = if ta <= tb { (a, b, tb) } else { (b, a, ta) };
+                        stack.push(far, t_far);
+                        index = near;
+                        continue;
+                    }
+                    (Some(_), None) => {
+                        index = a;
+                        continue;
+                    }
+                    (None, Some(_)) => {
+                        index = b;
+                        continue;
+                    }
+                    (None, None) => {}
+                }
+            }
+            loop {
+                let Some((popped, t)) = stack.pop() else { return setup.finish(settle(hit)) };
+                // Boxes at the same distance as the hit may hold one with a smaller id.
+                if t <= hit.t {
+                    index = popped;
+                    break;
+                }
+            }
+        }
+    }
+}
+
+impl Intersector for BinaryScene {
+    fn closest_hit(&self, ray: &Ray) -> Hit {
+        self.trace::<false, _>(ray, &mut ())
+    }
+
+    fn any_hit(&self, ray: &Ray) -> bool {
+        self.trace::<true, _>(ray, &mut ()).is_hit()
+    }
+}
+
+/// The slab test with a conservative far distance (Ize 2013, section 3).
+struct RobustSlabs {
+    origin: Vec3,
+    /// ±∞ where the direction is ±0.
+    inverse: Vec3,
+    /// By the sign bit, so that −0.0 enters at the upper plane.
+    negative: [bool; 3],
+}
+
+impl RobustSlabs {
+    #[inline(always)]
+    fn new(ray: &RaySetup) -> Self {
+        let d = ray.direction;
+        Self {
+            origin: ray.origin,
+            inverse: 1.0 / d,
+            negative: [d.x.is_sign_negative(), d.y.is_sign_negative(), d.z.is_sign_negative()],
+        }
+    }
+
+    /// Where the ray enters the box, if it does between `t_min` and `t_max`.
+    #[inline(always)]
+    fn entry(&self, node: &BvhNode, t_min: f32, t_max: f32) -> Option<f32> {
+        let mut near = t_min;
+        let mut far = t_max;
+        for axis in 0..3 {
+            let (low, high) = (node.min[axis], node.max[axis]);
+            let (first, last) = if self.negative[axis] { (high, low) } else { (low, high) };
+            // 0·∞ is NaN where a parallel ray lies in a plane; min and max drop it, so that the
+            // axis does not exclude the box.
+            near = near.max((first - self.origin[axis]) * self.inverse[axis]);
+            far = far.min((last - self.origin[axis]) * self.inverse[axis] * ROBUST_SLAB);
+        }
+        (near <= far).then_some(near)
+    }
+}
+
+/// Pending nodes with the distance of their boxes: an array, and the heap for what goes past it.
+struct Stack {
+    array: [(u32, f32); Self::ARRAY],
+    len: usize,
+    heap: Vec<(u32, f32)>,
+}
+
+impl Stack {
+    const ARRAY: usize = 64;
+
+    #[inline(always)]
+    fn new() -> Self {
+        Self { array: [(0, 0.0); Self::ARRAY], len: 0, heap: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, node: usize, t: f32) {
+        let entry = (niwaki_core::to_u32(node), t);
+        if let Some(slot) = self.array.get_mut(self.len) {
+            *slot = entry;
+            self.len += 1;
+        } else {
+            self.heap.push(entry);
+        }
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<(usize, f32)> {
+        // The heap is used only while the array is full.
+        let (node, t) = if self.heap.is_empty() {
+            self.len = self.len.checked_sub(1)?;
+            self.array[self.len]
+        } else {
+            self.heap.pop()?
+        };
+        Some((node as usize, t))
+    }
+}
+
+/// Every inner node has two children after it and every leaf a range that exists.
+fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
+    let nodes = bvh.nodes.len();
+    // Where every node but the root has one parent, traversal visits each at most once; the root
+    // cannot be a child, as children come after their parents.
+    let mut has_parent = vec![false; nodes];
+    for (i, node) in bvh.nodes.iter().enumerate() {
+        let fault = || CollapseError::Malformed { node: i, nodes };
+        if node.is_leaf() {
+            let end = (node.first as usize).saturating_add(node.count as usize);
+            if end > bvh.prim_ids.len() {
+                return Err(fault());
+            }
+        } else {
+            let [a, b] = node.children();
+            if a <= i || b >= nodes || has_parent[a] || has_parent[b] {
+                return Err(fault());
+            }
+            has_parent[a] = true;
+            has_parent[b] = true;
+        }
+    }
+    Ok(())
+}
+
+/// Every id names a triangle.
+pub(crate) fn check_ids(ids: &[u32], mesh: &TriangleMesh) -> Result<(), SceneError> {
+    let triangles = mesh.len();
+    match ids.par_iter().with_min_len(1 << 16).find_first(|&&id| id as usize >= triangles) {
+        None => Ok(()),
+        Some(&prim_id) => Err(SceneError::NoSuchTriangle { prim_id, triangles }),
+    }
+}

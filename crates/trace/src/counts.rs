@@ -1,0 +1,71 @@
+//! What a ray visited.
+
+use std::ops::{Add, AddAssign};
+
+/// Work that one or more rays caused; the quantities that the surface area heuristic predicts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Inner nodes whose children were tested. For a binary tree the root's own box, which is
+    /// tested first, is no node visit.
+    pub nodes: u64,
+    /// Boxes tested; unused slots of wide nodes do not count.
+    pub boxes: u64,
+    /// Leaves whose triangles were tested.
+    pub leaves: u64,
+    /// Triangles tested.
+    pub triangles: u64,
+}
+
+impl AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.nodes += other.nodes;
+        self.boxes += other.boxes;
+        self.leaves += other.leaves;
+        self.triangles += other.triangles;
+    }
+}
+
+impl Add for Counts {
+    type Output = Self;
+
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
+    }
+}
+
+impl std::iter::Sum for Counts {
+    fn sum<I: Iterator<Item = Self>>(iter: I) -> Self {
+        iter.fold(Self::default(), Add::add)
+    }
+}
+
+/// Where a kernel reports its work; `()` for nowhere, which costs nothing.
+pub(crate) trait Counter {
+    fn node(&mut self, boxes: u32);
+    fn boxes(&mut self, boxes: u32);
+    fn leaf(&mut self, triangles: u32);
+}
+
+impl Counter for () {
+    #[inline(always)]
+    fn node(&mut self, _: u32) {}
+    #[inline(always)]
+    fn boxes(&mut self, _: u32) {}
+    #[inline(always)]
+    fn leaf(&mut self, _: u32) {}
+}
+
+impl Counter for Counts {
+    fn node(&mut self, boxes: u32) {
+        self.nodes += 1;
+        self.boxes += u64::from(boxes);
+    }
+    fn boxes(&mut self, boxes: u32) {
+        self.boxes += u64::from(boxes);
+    }
+    fn leaf(&mut self, triangles: u32) {
+        self.leaves += 1;
+        self.triangles += u64::from(triangles);
+    }
+}

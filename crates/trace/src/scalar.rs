@@ -1,0 +1,103 @@
+//! The scalar twin of the SIMD kernels: same layout, same arithmetic, safe code.
+
+use crate::{
+    counts::Counter,
+    setup::{RaySetup, Slabs},
+    triangle::{EdgeTriangle, intersect, no_hit, settle},
+    wide::{WORDS, WideScene},
+};
+use niwaki_core::{Hit, glam::Vec3};
+use niwaki_wide::{Child, Node8};
+
+/// The closest hit in scaled distance, or any if `ANY`. The scene must have nodes.
+pub(crate) fn trace<const ANY: bool, C: Counter>(
+    scene: &WideScene,
+    setup: &RaySetup,
+    counter: &mut C,
+) -> Hit {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("fma") {
+        // SAFETY: the processor has the instructions, as just checked.
+        return unsafe { traverse_fma::<ANY, C>(scene, setup, counter) };
+    }
+    traverse::<ANY, C>(scene, setup, counter)
+}
+
+/// The same code with hardware multiply-adds, whose results are the same by definition.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "fma")]
+fn traverse_fma<const ANY: bool, C: Counter>(
+    scene: &WideScene,
+    setup: &RaySetup,
+    counter: &mut C,
+) -> Hit {
+    traverse::<ANY, C>(scene, setup, counter)
+}
+
+#[inline(always)]
+fn traverse<const ANY: bool, C: Counter>(
+    scene: &WideScene,
+    setup: &RaySetup,
+    counter: &mut C,
+) -> Hit {
+    let slabs = Slabs::new(setup, scene.scale.magnitude);
+    let mut hit = no_hit(setup.t_max);
+    let mut stack = Vec::with_capacity(scene.stack_bound.min(64));
+    stack.push((Child::Node(0), setup.t_min));
+    while let Some((child, t)) = stack.pop() {
+        if t > hit.t {
+            continue;
+        }
+        match child {
+            Child::Leaf { first, count } => {
+                counter.leaf(count);
+                intersect_leaf(scene, first as usize, count as usize, setup, &mut hit);
+                if ANY && hit.is_hit() {
+                    return hit;
+                }
+            }
+            Child::Node(index) => {
+                let node = &scene.nodes[index as usize];
+                counter.node(node.used);
+                let base = stack.len();
+                for slot in 0..8 {
+                    if let Some(entry) = entry(node, slot, &slabs, setup.t_min, hit.t) {
+                        stack.push((Child::from_word(node.children[slot]), entry));
+                    }
+                }
+                // Nearest last, to be popped first.
+                stack[base..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
+            }
+        }
+    }
+    settle(hit)
+}
+
+/// Where the ray enters a slot's box, if it does between `t_min` and `t_max`.
+#[inline(always)]
+fn entry(node: &Node8, slot: usize, slabs: &Slabs, t_min: f32, t_max: f32) -> Option<f32> {
+    let mut near = t_min;
+    let mut far = t_max;
+    for axis in 0..3 {
+        let inverse = slabs.inverse[axis];
+        let negative = usize::from(inverse.is_sign_negative());
+        let first = node.bounds[2 * axis + negative][slot];
+        let last = node.bounds[2 * axis + 1 - negative][slot];
+        near = near.max(first.mul_add(inverse, slabs.near_offset[axis]));
+        far = far.min(last.mul_add(inverse, slabs.far_offset[axis]));
+    }
+    (near <= far).then_some(near)
+}
+
+#[inline(always)]
+fn intersect_leaf(scene: &WideScene, first: usize, n: usize, setup: &RaySetup, hit: &mut Hit) {
+    let rows = &scene.triangles[WORDS * first..WORDS * (first + n)];
+    for i in 0..n {
+        let vec = |row: usize| {
+            Vec3::new(rows[row * n + i], rows[(row + 1) * n + i], rows[(row + 2) * n + i])
+        };
+        let triangle = EdgeTriangle { v0: vec(0), e1: vec(3), e2: vec(6) };
+        let id = rows[9 * n + i].to_bits();
+        intersect(&triangle, id, setup.origin, setup.direction, setup.t_min, hit);
+    }
+}

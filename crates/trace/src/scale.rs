@@ -1,0 +1,38 @@
+//! Powers of two that keep products of coordinates in the range of `f32`.
+
+use niwaki_core::{Aabb, AreaScale, Triangle};
+
+/// The power of two that a scene's coordinates are multiplied by before anything else, chosen
+/// from its extent; 1 for scenes of 2⁻²⁰ to 2³⁰ units.
+///
+/// The triangle test multiplies three lengths, so coordinates of 1e30 would overflow and those of
+/// 1e-30 vanish. Multiplication by a power of two is exact, except where a part of the scene is
+/// more than 2¹²⁶ times smaller than the whole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SceneScale {
+    pub(crate) factor: f32,
+    /// The largest coordinate of the scaled scene, by magnitude.
+    pub(crate) magnitude: f32,
+}
+
+impl SceneScale {
+    pub(crate) fn of(bounds: &Aabb) -> Self {
+        let factor = AreaScale::of(bounds).get();
+        let magnitude = if bounds.is_empty() {
+            0.0
+        } else {
+            (bounds.min.abs().max(bounds.max.abs()) * factor).max_element()
+        };
+        Self { factor, magnitude }
+    }
+
+    #[inline]
+    pub(crate) fn aabb(self, bounds: Aabb) -> Aabb {
+        Aabb { min: bounds.min * self.factor, max: bounds.max * self.factor }
+    }
+
+    #[inline]
+    pub(crate) fn triangle(self, t: Triangle) -> Triangle {
+        Triangle { v0: t.v0 * self.factor, v1: t.v1 * self.factor, v2: t.v2 * self.factor }
+    }
+}

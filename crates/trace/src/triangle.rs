@@ -1,0 +1,79 @@
+//! The triangle test that all kernels share.
+
+use niwaki_core::{Hit, Triangle, glam::Vec3};
+
+/// A triangle as the test wants it: a corner and two edges.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeTriangle {
+    pub(crate) v0: Vec3,
+    pub(crate) e1: Vec3,
+    pub(crate) e2: Vec3,
+}
+
+impl EdgeTriangle {
+    #[inline]
+    pub(crate) fn new(t: &Triangle) -> Self {
+        Self { v0: t.v0, e1: t.v1 - t.v0, e2: t.v2 - t.v0 }
+    }
+}
+
+/// `a × b`, one rounding for a product and one for the fused rest.
+#[inline(always)]
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::new(
+        a.y.mul_add(b.z, -(a.z * b.y)),
+        a.z.mul_add(b.x, -(a.x * b.z)),
+        a.x.mul_add(b.y, -(a.y * b.x)),
+    )
+}
+
+/// `a · b`, fused from z to x.
+#[inline(always)]
+fn dot(a: Vec3, b: Vec3) -> f32 {
+    a.x.mul_add(b.x, a.y.mul_add(b.y, a.z * b.z))
+}
+
+/// Möller and Trumbore's test (1997) in the form with the normal: with C = v0 − o and
+/// R = C × d, the determinant is N·d, and u, v and t are e2·R, −e1·R and N·C over it.
+///
+/// Replaces `hit` if the triangle is met from `t_min` on and before it, or at the same distance
+/// with a smaller id. Only a zero determinant is rejected, not a small one, and every comparison
+/// is written so that NaN misses. The SIMD kernels do the same operations in the same order.
+#[inline(always)]
+pub(crate) fn intersect(
+    triangle: &EdgeTriangle,
+    prim_id: u32,
+    origin: Vec3,
+    direction: Vec3,
+    t_min: f32,
+    hit: &mut Hit,
+) {
+    let c = triangle.v0 - origin;
+    let r = cross(c, direction);
+    let n = cross(triangle.e1, triangle.e2);
+    let det = dot(n, direction);
+    let abs_det = det.abs();
+    let sign = det.to_bits() & (1 << 31);
+    let flip = |x: f32, sign: u32| f32::from_bits(x.to_bits() ^ sign);
+    let u = flip(dot(triangle.e2, r), sign);
+    let v = flip(dot(triangle.e1, r), sign ^ (1 << 31));
+    if !(u >= 0.0 && v >= 0.0 && u + v <= abs_det && abs_det > 0.0) {
+        return;
+    }
+    let t = flip(dot(n, c), sign) / abs_det;
+    if t >= t_min && (t < hit.t || (t == hit.t && prim_id < hit.prim_id)) {
+        *hit = Hit { t, u: u / abs_det, v: v / abs_det, prim_id };
+    }
+}
+
+/// The state before the first hit: found hits must lie at `t_max` or before.
+#[inline(always)]
+pub(crate) const fn no_hit(t_max: f32) -> Hit {
+    Hit { t: t_max, ..Hit::MISS }
+}
+
+/// A miss, or the hit itself.
+#[inline(always)]
+pub(crate) fn settle(hit: Hit) -> Hit {
+    if hit.is_hit() { hit } else { Hit::MISS }
+}

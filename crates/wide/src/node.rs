@@ -1,0 +1,208 @@
+//! The 8-wide node and tree.
+
+use niwaki_core::{Aabb, glam::Vec3, to_u32};
+
+const LEAF: u32 = 1 << 31;
+const COUNT_SHIFT: u32 = 28;
+const FIRST_MASK: u32 = (1 << COUNT_SHIFT) - 1;
+
+/// What a slot of a [`Node8`] leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Child {
+    /// Another node, by index; always larger than its parent's.
+    Node(u32),
+    /// A leaf.
+    Leaf {
+        /// Its first reference in [`Bvh8::prim_ids`].
+        first: u32,
+        /// Its number of references: 1 to 8.
+        count: u32,
+    },
+}
+
+impl Child {
+    /// The 32-bit form: the index of a node, or bit 31 set, `count − 1` in bits 28 to 30 and
+    /// `first` in bits 0 to 27.
+    #[must_use]
+    #[inline]
+    pub const fn to_word(self) -> u32 {
+        match self {
+            Self::Node(index) => index,
+            Self::Leaf { first, count } => LEAF | (count - 1) << COUNT_SHIFT | first,
+        }
+    }
+
+    /// The child that [`Child::to_word`] packed.
+    #[must_use]
+    #[inline]
+    pub const fn from_word(word: u32) -> Self {
+        if word & LEAF == 0 {
+            Self::Node(word)
+        } else {
+            Self::Leaf { first: word & FIRST_MASK, count: (word >> COUNT_SHIFT & 7) + 1 }
+        }
+    }
+}
+
+/// A node with up to eight children: 256 bytes, four cache lines.
+///
+/// The boxes are structure of arrays, a row of eight `f32` for each of min x, max x, min y,
+/// max y, min z, max z: the planes that a ray enters and leaves through differ in one bit of the
+/// row, so a kernel finds both by the sign of the direction. Slots are filled from 0 on. An
+/// unused slot has the empty box (min = +∞, max = −∞), which no ray hits, and a child word that
+/// names a leaf that exists, so that following it by mistake is harmless.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub struct Node8 {
+    /// Rows of the boxes: `bounds[2·axis]` the smallest, `bounds[2·axis + 1]` the largest
+    /// coordinates.
+    pub bounds: [[f32; 8]; 6],
+    /// The children ([`Child::to_word`]).
+    pub children: [u32; 8],
+    /// The first reference of the node's leaf children; those of all of them are contiguous in
+    /// slot order.
+    pub first_prim: u32,
+    /// How many references the node's leaf children hold together.
+    pub prim_count: u32,
+    /// How many slots are used: 1 to 8.
+    pub used: u32,
+    reserved: [u32; 5],
+}
+
+impl Node8 {
+    /// A node without children.
+    pub(crate) const fn empty(first_prim: u32) -> Self {
+        const MIN: [f32; 8] = [f32::INFINITY; 8];
+        const MAX: [f32; 8] = [f32::NEG_INFINITY; 8];
+        Self {
+            bounds: [MIN, MAX, MIN, MAX, MIN, MAX],
+            children: [Child::Leaf { first: 0, count: 1 }.to_word(); 8],
+            first_prim,
+            prim_count: 0,
+            used: 0,
+            reserved: [0; 5],
+        }
+    }
+
+    /// Fills the next slot; there must be one.
+    #[inline]
+    pub(crate) fn push(&mut self, min: Vec3, max: Vec3, child: Child) {
+        let slot = self.used as usize;
+        for axis in 0..3 {
+            self.bounds[2 * axis][slot] = min[axis];
+            self.bounds[2 * axis + 1][slot] = max[axis];
+        }
+        self.children[slot] = child.to_word();
+        self.used += 1;
+    }
+
+    /// The child in a slot; `None` for an unused one.
+    #[must_use]
+    #[inline]
+    pub fn child(&self, slot: usize) -> Option<Child> {
+        (slot < self.used as usize).then(|| Child::from_word(self.children[slot]))
+    }
+
+    /// The used slots' children in order.
+    pub fn iter(&self) -> impl Iterator<Item = Child> + '_ {
+        self.children[..self.used as usize].iter().map(|&word| Child::from_word(word))
+    }
+
+    /// The box of a slot; [`Aabb::EMPTY`] for an unused one.
+    #[must_use]
+    #[inline]
+    pub fn aabb(&self, slot: usize) -> Aabb {
+        let b = &self.bounds;
+        Aabb::new(
+            Vec3::new(b[0][slot], b[2][slot], b[4][slot]),
+            Vec3::new(b[1][slot], b[3][slot], b[5][slot]),
+        )
+    }
+}
+
+const _: () = assert!(size_of::<Node8>() == 256);
+
+/// An 8-wide BVH.
+///
+/// It can only be made by [`Bvh8::collapse`], so the following always holds, and traversal
+/// kernels may rely on it without checks: node 0 is the root; every [`Child::Node`] names a node
+/// after its parent; every node but the root has one parent; every leaf's range lies in
+/// [`Bvh8::prim_ids`]; leaf ranges do not overlap and follow each other in the order of nodes
+/// and slots; a tree with nodes has at least one reference.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Bvh8 {
+    pub(crate) nodes: Vec<Node8>,
+    pub(crate) prim_ids: Vec<u32>,
+    pub(crate) bounds: Option<Aabb>,
+    pub(crate) levels: usize,
+}
+
+impl Bvh8 {
+    /// The most references of one tree: 2²⁸.
+    pub const MAX_REFERENCES: usize = 1 << COUNT_SHIFT;
+
+    /// The most references of one leaf.
+    pub const MAX_LEAF: usize = 8;
+
+    /// The nodes, level by level, root first.
+    #[must_use]
+    pub fn nodes(&self) -> &[Node8] {
+        &self.nodes
+    }
+
+    /// Primitive ids in the order of the leaves.
+    #[must_use]
+    pub fn prim_ids(&self) -> &[u32] {
+        &self.prim_ids
+    }
+
+    /// The box around everything; [`Aabb::EMPTY`] without nodes.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.bounds.unwrap_or(Aabb::EMPTY)
+    }
+
+    /// Number of node levels: 0 without nodes, 1 for a root whose children are leaves.
+    #[must_use]
+    pub const fn levels(&self) -> usize {
+        self.levels
+    }
+
+    /// An upper bound on the entries of a traversal stack that a node's children are pushed onto
+    /// all at once after the node was popped: each level leaves at most seven behind.
+    #[must_use]
+    pub const fn stack_bound(&self) -> usize {
+        7 * self.levels + 1
+    }
+
+    /// Bytes that nodes and primitive ids take.
+    #[must_use]
+    pub const fn bytes(&self) -> usize {
+        size_of::<Node8>() * self.nodes.len() + size_of::<u32>() * self.prim_ids.len()
+    }
+
+    /// The share of node slots that are used, 0 to 1; 1 without nodes.
+    #[must_use]
+    pub fn fill(&self) -> f64 {
+        if self.nodes.is_empty() {
+            return 1.0;
+        }
+        let used: usize = self.nodes.iter().map(|n| n.used as usize).sum();
+        used as f64 / (8 * self.nodes.len()) as f64
+    }
+
+    /// Ids of the leaf range `first .. first + count` of a [`Child::Leaf`].
+    ///
+    /// # Panics
+    /// If the range is not one of this tree.
+    #[must_use]
+    pub fn leaf_prims(&self, first: u32, count: u32) -> &[u32] {
+        &self.prim_ids[first as usize..(first + count) as usize]
+    }
+
+    /// The node count as 32 bits, which bounds every child word.
+    #[must_use]
+    pub fn node_count(&self) -> u32 {
+        to_u32(self.nodes.len())
+    }
+}
