@@ -44,6 +44,9 @@ impl Kernel {
     }
 }
 
+/// How many entries before and after the range of a node vector kernels may touch.
+pub(crate) const PAD: usize = 8;
+
 /// The cheapest split of a node: the first `left` primitives in the order of `axis` go left.
 /// Among equal costs the lowest axis, then the lowest position.
 #[derive(Clone, Copy, Debug, PartialEq)]

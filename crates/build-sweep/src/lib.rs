@@ -30,10 +30,13 @@
 //!
 //! There are no feature flags.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod kernel;
 mod parallel;
 mod rule;
 mod scalar;
+mod small_sort;
 mod workspace;
 
 pub use kernel::Kernel;

@@ -32,3 +32,18 @@ pub(crate) fn sweep_axis(
     grow(&mut bounds, &prims[order[count - 1] as usize]);
     bounds
 }
+
+/// Stable partition of one order: primitives with `side` 0 go to the front.
+pub(crate) fn partition(order: &mut [u32], side: &[u8], scratch: &mut [u32]) {
+    let (mut left, mut right) = (0, 0);
+    for i in 0..order.len() {
+        let p = order[i];
+        let goes_right = usize::from(side[p as usize]);
+        // Both are written and one counts: cheaper than a branch that cannot be predicted.
+        order[left] = p;
+        scratch[right] = p;
+        left += 1 - goes_right;
+        right += goes_right;
+    }
+    order[left..].copy_from_slice(&scratch[..right]);
+}

@@ -1,9 +1,10 @@
 //! The serial engine: one small tree at a time in memory that is reused.
 
-use crate::kernel::{Kernel, Split, grow};
+#[cfg(target_arch = "x86_64")]
+use crate::avx2;
+use crate::kernel::{Kernel, PAD, Split, grow};
 use crate::rule::{Decision, SplitRule};
-use crate::scalar;
-use niwaki_core::float::sortable_bits;
+use crate::{scalar, small_sort};
 use niwaki_core::{Aabb, BvhNode, PrimRef, to_u32};
 
 /// Memory for building trees one after the other on one thread. Nothing is allocated for a tree
@@ -15,13 +16,15 @@ pub struct SweepWorkspace {
     /// The primitives of the next tree. All bounds must be finite.
     pub prims: Vec<PrimRef>,
     kernel: Kernel,
-    /// Primitives sorted along each axis; a node is the same range in all three.
+    /// Primitives sorted along each axis, from [`PAD`] on; a node is the same range in all three.
+    /// The padding holds valid indices, because vector kernels read past the ends of nodes.
     order: [Vec<u32>; 3],
-    keys: Vec<u64>,
+    keys: small_sort::Keys,
     /// 1 for primitives on the right of the split at hand.
     side: Vec<u8>,
     scratch: Vec<u32>,
-    right: Vec<f32>,
+    /// Areas of the boxes from the start of the node to each position, and from there to its end.
+    areas: [Vec<f32>; 6],
     /// Right siblings that wait: node, first, end.
     stack: Vec<(u32, u32, u32)>,
 }
@@ -34,10 +37,10 @@ impl SweepWorkspace {
             prims: Vec::new(),
             kernel: kernel.or_fallback(),
             order: [const { Vec::new() }; 3],
-            keys: Vec::new(),
+            keys: small_sort::Keys::default(),
             side: Vec::new(),
             scratch: Vec::new(),
-            right: Vec::new(),
+            areas: [const { Vec::new() }; 6],
             stack: Vec::new(),
         }
     }
@@ -45,7 +48,7 @@ impl SweepWorkspace {
     /// Bytes that a workspace for trees of up to `count` primitives takes.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        count * (32 + 12 + 8 + 1 + 4 + 4 + 12)
+        (count + 2 * PAD) * (32 + 12 + 16 + 1 + 4 + 24) + 12 * (64 + count.ilog2() as usize)
     }
 
     /// Builds a tree over [`SweepWorkspace::prims`] and returns how many of `nodes` it uses: the
@@ -69,14 +72,10 @@ impl SweepWorkspace {
 
     fn sort(&mut self) {
         for (axis, order) in self.order.iter_mut().enumerate() {
-            self.keys.clear();
-            self.keys.extend(self.prims.iter().enumerate().map(|(i, p)| {
-                u64::from(sortable_bits(p.min[axis] + p.max[axis])) << 32 | i as u64
-            }));
-            self.keys.sort_unstable();
             order.clear();
-            #[expect(clippy::cast_possible_truncation, reason = "the low half is the index")]
-            order.extend(self.keys.iter().map(|&key| key as u32));
+            order.resize(self.prims.len() + 2 * PAD, 0);
+            let order = &mut order[PAD..][..self.prims.len()];
+            self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
         }
     }
 
@@ -89,76 +88,94 @@ impl SweepWorkspace {
     ) -> usize {
         let count = self.prims.len();
         assert!(count > 0 && ids.len() == count && nodes.len() >= 2 * count - 1);
-        self.side.resize(count, 0);
-        self.scratch.resize(count, 0);
-        self.right.resize(count, 0.0);
+        assert!(count < 1 << 28, "vector kernels pack axis and position in 30 bits");
+        let grow = |len: usize, padded: usize| len.max(padded);
+        self.side.resize(grow(self.side.len(), count + PAD), 0);
+        self.scratch.resize(grow(self.scratch.len(), count + PAD), 0);
+        for areas in &mut self.areas {
+            areas.resize(grow(areas.len(), count + 2 * PAD), 0.0);
+        }
         let mut used = 1;
         self.stack.clear();
         self.stack.push((0, 0, to_u32(count)));
         while let Some((node, start, end)) = self.stack.pop() {
             let (start, end) = (start as usize, end as usize);
             let count = end - start;
-            let (bounds, decision, split) = self.examine(rule, start, end);
-            let left = match decision {
+            if rule.is_leaf_by_count(count) {
+                let bounds = self.bounds(start, end);
+                nodes[node as usize] =
+                    BvhNode::leaf(bounds, to_u32(first_prim + start), to_u32(count));
+                continue;
+            }
+            let (bounds, mut split) = self.sweep(rule, start, end);
+            match rule.decide(count, bounds.half_area(rule.scale), split.cost) {
                 Decision::Leaf => {
                     nodes[node as usize] =
                         BvhNode::leaf(bounds, to_u32(first_prim + start), to_u32(count));
                     continue;
                 }
-                Decision::Best => {
-                    self.partition(split, start, end);
-                    split.left
-                }
+                Decision::Best => {}
                 Decision::Halve => {
-                    let axis = self.widest(start, end);
-                    let left = count / 2;
-                    self.partition(Split { axis, left, cost: 0.0 }, start, end);
-                    left
+                    split = Split { axis: self.widest(start, end), left: count / 2, cost: 0.0 };
                 }
-            };
+            }
+            self.partition(split, start, end);
+            let middle = to_u32(start + split.left);
             nodes[node as usize] = BvhNode::inner(bounds, used);
-            self.stack.push((used + 1, to_u32(start + left), to_u32(end)));
-            self.stack.push((used, to_u32(start), to_u32(start + left)));
+            self.stack.push((used + 1, middle, to_u32(end)));
+            self.stack.push((used, to_u32(start), middle));
             used += 2;
         }
-        for (id, &i) in ids.iter_mut().zip(&self.order[0]) {
+        for (id, &i) in ids.iter_mut().zip(&self.order[0][PAD..]) {
             *id = self.prims[i as usize].prim_id;
         }
         used as usize
     }
 
-    fn examine(&mut self, rule: &SplitRule, start: usize, end: usize) -> (Aabb, Decision, Split) {
+    fn bounds(&self, start: usize, end: usize) -> Aabb {
+        let order = &self.order[0][PAD + start..PAD + end];
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 && order.len() <= 2 {
+            // SAFETY: a workspace has this kernel only where AVX2 is present, and orders hold
+            // indices of primitives.
+            return unsafe { avx2::bounds_of_two(&self.prims, order[0], order[order.len() - 1]) };
+        }
+        let mut bounds = Aabb::EMPTY;
+        for &i in order {
+            grow(&mut bounds, &self.prims[i as usize]);
+        }
+        bounds
+    }
+
+    /// The box of a node and its cheapest split.
+    fn sweep(&mut self, rule: &SplitRule, start: usize, end: usize) -> (Aabb, Split) {
         let count = end - start;
-        if rule.is_leaf_by_count(count) {
-            let mut bounds = Aabb::EMPTY;
-            for &i in &self.order[0][start..end] {
-                grow(&mut bounds, &self.prims[i as usize]);
-            }
-            return (bounds, Decision::Leaf, Split::NONE);
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 {
+            assert!(self.order.iter().all(|order| end + 2 * PAD <= order.len()));
+            assert!(self.areas.iter().all(|areas| count + 2 * PAD <= areas.len()));
+            let order = [0, 1, 2].map(|axis| self.order[axis][PAD + start..].as_ptr());
+            let [a, b, c, d, e, f] = &mut self.areas;
+            let [left, right] =
+                [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a[PAD..].as_mut_ptr()));
+            // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
+            // the kernel asks for were just checked; orders and their padding hold indices of
+            // primitives.
+            return unsafe { avx2::sweep(&self.prims, order, count, rule, left, right) };
         }
         let mut best = Split::NONE;
-        let mut bounds = Aabb::EMPTY;
-        for axis in 0..3 {
-            let order = &self.order[axis][start..end];
-            let b = scalar::sweep_axis(
-                &self.prims,
-                order,
-                axis,
-                rule,
-                &mut self.right[..count],
-                &mut best,
-            );
-            if axis == 0 {
-                bounds = b;
-            }
-        }
-        (bounds, rule.decide(count, bounds.half_area(rule.scale), best.cost), best)
+        let bounds = [0, 1, 2].map(|axis| {
+            let order = &self.order[axis][PAD + start..PAD + end];
+            let right = &mut self.areas[0][..count];
+            scalar::sweep_axis(&self.prims, order, axis, rule, right, &mut best)
+        });
+        (bounds[0], best)
     }
 
     /// The axis along which the centroids spread most.
     fn widest(&self, start: usize, end: usize) -> usize {
         let spread = |axis: usize| {
-            let key = |i: usize| self.prims[self.order[axis][i] as usize].centroid2()[axis];
+            let key = |i: usize| self.prims[self.order[axis][PAD + i] as usize].centroid2()[axis];
             key(end - 1) - key(start)
         };
         (1..3).fold(0, |best, axis| if spread(axis) > spread(best) { axis } else { best })
@@ -167,25 +184,33 @@ impl SweepWorkspace {
     /// Moves the primitives that are left in the order of the split's axis to the left in the two
     /// other orders, keeping both sides sorted.
     fn partition(&mut self, split: Split, start: usize, end: usize) {
-        let middle = start + split.left;
-        for (i, &p) in self.order[split.axis][start..end].iter().enumerate() {
-            self.side[p as usize] = u8::from(i >= split.left);
+        let (start, end) = (PAD + start, PAD + end);
+        let (on_left, on_right) = self.order[split.axis][start..end].split_at(split.left);
+        for &p in on_left {
+            self.side[p as usize] = 0;
         }
-        for axis in 0..3 {
-            if axis == split.axis {
+        for &p in on_right {
+            self.side[p as usize] = 1;
+        }
+        for axis in [(split.axis + 1) % 3, (split.axis + 2) % 3] {
+            let order = &mut self.order[axis];
+            #[cfg(target_arch = "x86_64")]
+            if self.kernel == Kernel::Avx2 {
+                let count = end - start;
+                assert!(end + PAD <= order.len() && count + PAD <= self.scratch.len());
+                // SAFETY: as in `sweep`; `side` has more than three bytes after the last
+                // primitive's.
+                unsafe {
+                    avx2::partition(
+                        order[start..].as_mut_ptr(),
+                        count,
+                        self.side.as_ptr(),
+                        self.scratch.as_mut_ptr(),
+                    );
+                }
                 continue;
             }
-            let order = &mut self.order[axis][start..end];
-            let (mut left, mut right) = (0, 0);
-            for i in 0..order.len() {
-                let p = order[i];
-                let side = usize::from(self.side[p as usize]);
-                order[left] = p;
-                self.scratch[right] = p;
-                left += 1 - side;
-                right += side;
-            }
-            self.order[axis][middle..end].copy_from_slice(&self.scratch[..right]);
+            scalar::partition(&mut order[start..end], &self.side, &mut self.scratch);
         }
     }
 }
