@@ -5,7 +5,7 @@ use std::process::Command;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A header with everything that does not depend on the arguments.
-pub fn describe() -> Run {
+pub(crate) fn describe() -> Run {
     let flags = env!("NIWAKI_RUSTFLAGS");
     Run {
         machine: Machine {
@@ -28,12 +28,12 @@ pub fn describe() -> Run {
 }
 
 /// Hardware threads that this process may use.
-pub fn cores() -> usize {
+pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Memory that can be had without swapping, where the system tells.
-pub fn available_memory() -> Option<usize> {
+pub(crate) fn available_memory() -> Option<usize> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kib: usize = line.trim().trim_end_matches("kB").trim().parse().ok()?;
@@ -47,7 +47,8 @@ fn cpu_name() -> String {
         Some(line.split_once(':')?.1.trim().to_owned())
     };
     let from_sysctl = || {
-        let output = Command::new("sysctl").args(["-n", "machdep.cpu.brand_string"]).output().ok()?;
+        let output =
+            Command::new("sysctl").args(["-n", "machdep.cpu.brand_string"]).output().ok()?;
         let name = String::from_utf8(output.stdout).ok()?.trim().to_owned();
         (!name.is_empty()).then_some(name)
     };

@@ -64,7 +64,7 @@ unsafe impl GlobalAlloc for Counting {
 /// Runs `work` and returns its result with the most bytes that were allocated at once beyond
 /// those before it. Whatever other threads allocate meanwhile counts too, so nothing else should
 /// run; calls must not overlap.
-pub fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+pub(crate) fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
     LIVE.store(0, Relaxed);
     PEAK.store(0, Relaxed);
     ENABLED.store(true, Relaxed);

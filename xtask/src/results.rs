@@ -6,108 +6,108 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// The version of the file's layout that this program writes and reads.
-pub const SCHEMA: u32 = 1;
+pub(crate) const SCHEMA: u32 = 1;
 
 /// Everything that one or several runs measured.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
-pub struct Results {
+pub(crate) struct Results {
     /// [`SCHEMA`].
-    pub schema: u32,
+    pub(crate) schema: u32,
     /// The runs that rows refer to by position.
-    pub runs: Vec<Run>,
+    pub(crate) runs: Vec<Run>,
     /// The scenes that rows refer to by name.
-    pub scenes: Vec<SceneInfo>,
+    pub(crate) scenes: Vec<SceneInfo>,
     /// The measurements.
-    pub rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// What could not be measured, and why.
     #[serde(default)]
-    pub failures: Vec<Failure>,
+    pub(crate) failures: Vec<Failure>,
 }
 
 /// The header of a run: where and how it was measured.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq)]
-pub struct Run {
+pub(crate) struct Run {
     /// The computer.
-    pub machine: Machine,
+    pub(crate) machine: Machine,
     /// Compiler version.
-    pub rustc: String,
+    pub(crate) rustc: String,
     /// Compiler flags (`RUSTFLAGS`), profile and optimisation level.
-    pub flags: String,
+    pub(crate) flags: String,
     /// Start, UTC, ISO 8601.
-    pub date: String,
+    pub(crate) date: String,
     /// Git revision of the working tree, `+` appended where it has changes.
-    pub revision: Option<String>,
+    pub(crate) revision: Option<String>,
     /// The numbers of threads of the matrix.
-    pub threads: Vec<usize>,
+    pub(crate) threads: Vec<usize>,
     /// The arguments.
-    pub arguments: Vec<String>,
+    pub(crate) arguments: Vec<String>,
     /// Which part of the matrix, as `K/N`.
-    pub shard: Option<String>,
+    pub(crate) shard: Option<String>,
     /// Versions of the peers that took part.
-    pub peers: Vec<String>,
+    pub(crate) peers: Vec<String>,
     /// At least so many seconds were spent on each trace measurement.
-    pub seconds_per_measurement: f64,
+    pub(crate) seconds_per_measurement: f64,
 }
 
 /// A computer.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq)]
-pub struct Machine {
+pub(crate) struct Machine {
     /// Name of the processor.
-    pub cpu: String,
+    pub(crate) cpu: String,
     /// Hardware threads that this process may use.
-    pub cores: usize,
+    pub(crate) cores: usize,
     /// Instruction set extensions that matter to the kernels.
-    pub isa: Vec<String>,
+    pub(crate) isa: Vec<String>,
     /// Operating system and architecture.
-    pub os: String,
+    pub(crate) os: String,
 }
 
 /// A scene.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq)]
-pub struct SceneInfo {
+pub(crate) struct SceneInfo {
     /// As rows name it.
-    pub name: String,
+    pub(crate) name: String,
     /// Triangles after loading.
-    pub triangles: usize,
+    pub(crate) triangles: usize,
     /// File name, or `generated`.
-    pub origin: String,
+    pub(crate) origin: String,
     /// Whose work it is and under which licence: shown under pictures.
-    pub credit: Option<String>,
+    pub(crate) credit: Option<String>,
     /// What the loader left out, in words.
     #[serde(default)]
-    pub dropped: Option<String>,
+    pub(crate) dropped: Option<String>,
     /// A path-traced picture (PNG), relative to the results file.
-    pub picture: Option<PathBuf>,
+    pub(crate) picture: Option<PathBuf>,
     /// A picture of traversal cost.
-    pub heat_map: Option<HeatMap>,
+    pub(crate) heat_map: Option<HeatMap>,
 }
 
 /// A false-colour picture of how much work each camera ray took.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
-pub struct HeatMap {
+pub(crate) struct HeatMap {
     /// The PNG, relative to the results file.
-    pub picture: PathBuf,
+    pub(crate) picture: PathBuf,
     /// The builder of the traversed tree.
-    pub builder: String,
+    pub(crate) builder: String,
     /// Boxes and triangles tested per ray: the mean over the picture.
-    pub mean: f64,
+    pub(crate) mean: f64,
     /// Boxes and triangles tested per ray at the bright end of the scale.
-    pub top: f64,
+    pub(crate) top: f64,
 }
 
 /// A scene or measurement that failed.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
-pub struct Failure {
+pub(crate) struct Failure {
     /// The scene, as given.
-    pub scene: String,
+    pub(crate) scene: String,
     /// The reason.
-    pub error: String,
+    pub(crate) error: String,
 }
 
 /// Whose tree it is.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[serde(rename_all = "lowercase")]
-pub enum Source {
+pub(crate) enum Source {
     /// Ours.
     Niwaki,
     /// obvhs.
@@ -118,10 +118,10 @@ pub enum Source {
 
 impl Source {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Niwaki, Self::Obvhs, Self::Embree];
+    pub(crate) const ALL: [Self; 3] = [Self::Niwaki, Self::Obvhs, Self::Embree];
 
     /// The name in files and tables.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Niwaki => "niwaki",
             Self::Obvhs => "obvhs",
@@ -133,7 +133,7 @@ impl Source {
 /// One measurement.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
 #[serde(tag = "kind", rename_all = "lowercase")]
-pub enum Row {
+pub(crate) enum Row {
     /// A tree was built.
     Build(BuildRow),
     /// Rays were traced.
@@ -142,57 +142,59 @@ pub enum Row {
 
 /// How long a tree took to build, and how good it is.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
-pub struct BuildRow {
+pub(crate) struct BuildRow {
     /// Position in [`Results::runs`].
-    pub run: usize,
+    pub(crate) run: usize,
     /// The scene's name.
-    pub scene: String,
+    pub(crate) scene: String,
     /// Triangles of the scene.
-    pub triangles: usize,
+    pub(crate) triangles: usize,
     /// Whose builder.
-    pub source: Source,
+    pub(crate) source: Source,
     /// The builder or preset.
-    pub builder: String,
+    pub(crate) builder: String,
     /// Threads it ran on.
-    pub threads: usize,
+    pub(crate) threads: usize,
     /// How often it was timed.
-    pub repeats: usize,
+    pub(crate) repeats: usize,
     /// From the mesh to the binary tree, median of the repeats, milliseconds.
-    pub ms_median: f64,
+    pub(crate) ms_median: f64,
     /// The fastest repeat.
-    pub ms_min: f64,
+    pub(crate) ms_min: f64,
     /// From the mesh to what our 8-wide kernel traverses, median.
-    pub ms_wide_median: Option<f64>,
+    pub(crate) ms_wide_median: Option<f64>,
     /// From the mesh to the peer's own traversable structure, median.
-    pub ms_commit_median: Option<f64>,
+    pub(crate) ms_commit_median: Option<f64>,
     /// Primitive references in the leaves.
-    pub references: usize,
+    pub(crate) references: usize,
     /// Nodes of the binary tree.
-    pub nodes: usize,
+    pub(crate) nodes: usize,
     /// Bytes of the binary tree.
-    pub bytes: usize,
+    pub(crate) bytes: usize,
     /// Bytes allocated at the peak of a build beyond what was there before, result included, mesh
     /// not; only where the builder allocates through Rust.
-    pub peak_bytes: Option<usize>,
+    pub(crate) peak_bytes: Option<usize>,
     /// SAH cost; absent where it is not finite.
-    pub sah: Option<f64>,
+    pub(crate) sah: Option<f64>,
     /// The constants of `sah`.
-    pub sah_constants: Constants,
-    /// End-point overlap; absent where it was not asked for.
-    pub epo: Option<f64>,
+    pub(crate) sah_constants: Constants,
+    /// End-point overlap with the same constants; absent where it is not finite.
+    pub(crate) epo: Option<f64>,
+    /// Standard error of `epo`, which is estimated on large scenes; 0 where all triangles count.
+    pub(crate) epo_standard_error: Option<f64>,
     /// Depth of the deepest leaf; the root has 0.
-    pub depth: usize,
+    pub(crate) depth: usize,
 }
 
 /// SAH constants.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq)]
-pub struct Constants {
+pub(crate) struct Constants {
     /// C_I.
-    pub inner: f32,
+    pub(crate) inner: f32,
     /// C_L.
-    pub leaf: f32,
+    pub(crate) leaf: f32,
     /// C_T.
-    pub triangle: f32,
+    pub(crate) triangle: f32,
 }
 
 impl From<SahConstants> for Constants {
@@ -203,43 +205,46 @@ impl From<SahConstants> for Constants {
 
 /// How fast rays were answered.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
-pub struct TraceRow {
+pub(crate) struct TraceRow {
     /// Position in [`Results::runs`].
-    pub run: usize,
+    pub(crate) run: usize,
     /// The scene's name.
-    pub scene: String,
+    pub(crate) scene: String,
     /// Triangles of the scene.
-    pub triangles: usize,
+    pub(crate) triangles: usize,
     /// Whose tree.
-    pub source: Source,
+    pub(crate) source: Source,
     /// The builder or preset of the tree.
-    pub builder: String,
+    pub(crate) builder: String,
     /// Ours by name, or `embree` or `obvhs` where the peer traced its own structure.
-    pub kernel: String,
+    pub(crate) kernel: String,
     /// The ray set.
-    pub rays: String,
+    pub(crate) rays: String,
     /// `closest` or `any`.
-    pub query: String,
+    pub(crate) query: String,
     /// Threads.
-    pub threads: usize,
+    pub(crate) threads: usize,
     /// Rays of the set.
-    pub ray_count: usize,
+    pub(crate) ray_count: usize,
     /// How many of them each timed pass traced.
-    pub timed_rays: usize,
+    pub(crate) timed_rays: usize,
     /// Timed passes.
-    pub repeats: usize,
+    pub(crate) repeats: usize,
+    /// Rows of a group with the same number were measured in turns. There is more than one where
+    /// not all structures fit into memory at once.
+    pub(crate) batch: usize,
     /// Median over the passes, million rays per second.
-    pub mrays_per_s: f64,
+    pub(crate) mrays_per_s: f64,
     /// Rays of the whole set that hit.
-    pub hits: usize,
+    pub(crate) hits: usize,
     /// Child boxes tested per ray, where the kernel counts.
-    pub boxes_per_ray: Option<f64>,
+    pub(crate) boxes_per_ray: Option<f64>,
     /// Triangles tested per ray, where the kernel counts.
-    pub triangles_per_ray: Option<f64>,
+    pub(crate) triangles_per_ray: Option<f64>,
 }
 
 /// `x` unless it is NaN or infinite, which JSON has no words for.
-pub fn finite(x: f64) -> Option<f64> {
+pub(crate) fn finite(x: f64) -> Option<f64> {
     x.is_finite().then_some(x)
 }
 
@@ -257,7 +262,7 @@ impl Default for Results {
 
 impl Results {
     /// Reads a results file; the paths of its pictures become relative to the working directory.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path)
             .with_context(|| format!("cannot read results from {}", path.display()))?;
         let mut results = Self::parse(&text)
@@ -268,7 +273,7 @@ impl Results {
     }
 
     /// Reads results from JSON.
-    pub fn parse(text: &str) -> Result<Self> {
+    pub(crate) fn parse(text: &str) -> Result<Self> {
         // The schema first, so that a file of another version is named as such rather than by
         // the first field that it lacks.
         let value: serde_json::Value = serde_json::from_str(text).context("not JSON")?;
@@ -285,7 +290,7 @@ impl Results {
     }
 
     /// Writes the file as a whole or not at all, so that an interrupt leaves the last one.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub(crate) fn write(&self, path: &Path) -> Result<()> {
         let context = || format!("cannot write results to {}", path.display());
         let folder = path.parent().unwrap_or(Path::new(""));
         if !folder.as_os_str().is_empty() {
@@ -302,7 +307,7 @@ impl Results {
     }
 
     /// Puts the results of several files together, in the order given.
-    pub fn merge(parts: impl IntoIterator<Item = Self>) -> Self {
+    pub(crate) fn merge(parts: impl IntoIterator<Item = Self>) -> Self {
         let mut whole = Self::default();
         for part in parts {
             let offset = whole.runs.len();
@@ -317,7 +322,7 @@ impl Results {
     }
 
     /// Adds a scene, or completes the one of that name and size.
-    pub fn add_scene(&mut self, scene: SceneInfo) {
+    pub(crate) fn add_scene(&mut self, scene: SceneInfo) {
         let known = self
             .scenes
             .iter_mut()
@@ -333,7 +338,7 @@ impl Results {
     }
 
     /// The build rows.
-    pub fn builds(&self) -> impl Iterator<Item = &BuildRow> {
+    pub(crate) fn builds(&self) -> impl Iterator<Item = &BuildRow> {
         self.rows.iter().filter_map(|row| match row {
             Row::Build(row) => Some(row),
             Row::Trace(_) => None,
@@ -341,7 +346,7 @@ impl Results {
     }
 
     /// The trace rows.
-    pub fn traces(&self) -> impl Iterator<Item = &TraceRow> {
+    pub(crate) fn traces(&self) -> impl Iterator<Item = &TraceRow> {
         self.rows.iter().filter_map(|row| match row {
             Row::Trace(row) => Some(row),
             Row::Build(_) => None,
@@ -362,7 +367,7 @@ impl Results {
 
 impl Row {
     /// Position in [`Results::runs`].
-    pub const fn run(&self) -> usize {
+    pub(crate) const fn run(&self) -> usize {
         match self {
             Self::Build(row) => row.run,
             Self::Trace(row) => row.run,
@@ -412,6 +417,7 @@ pub(crate) mod tests {
             sah: Some(50.0),
             sah_constants: SahConstants::THESIS_IV.into(),
             epo: Some(1.0),
+            epo_standard_error: Some(0.0),
             depth: 20,
         }
     }
@@ -431,6 +437,7 @@ pub(crate) mod tests {
             ray_count: 1000,
             timed_rays: 1000,
             repeats: 3,
+            batch: 0,
             mrays_per_s: mrays,
             hits: 900,
             boxes_per_ray: None,

@@ -14,8 +14,8 @@ pub(crate) struct LogAxis {
 impl LogAxis {
     /// The axis over some numbers, which must be positive, with a margin: a share of the length.
     pub(crate) fn around(numbers: impl Iterator<Item = f64>, margin: f64) -> Self {
-        let (low, high) = numbers
-            .fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+        let (low, high) =
+            numbers.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
         if low > high {
             return Self { range: 0.1..10.0 };
         }

@@ -22,7 +22,8 @@ const HOW_TO_READ: &str = include_str!("how_to_read.html");
 pub(crate) fn page(results: &Results) -> Result<(String, Vec<Csv>)> {
     let groups = groups(results);
     let mut files = Vec::new();
-    let mut html = String::from("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n");
+    let mut html =
+        String::from("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n");
     html.push_str("<meta name=\"viewport\" content=\"width=device-width\">\n");
     html.push_str("<title>Niwaki bench</title>\n<style>\n");
     html.push_str(STYLE);
@@ -80,7 +81,8 @@ fn run_header(run: &Run, number: Option<usize>) -> String {
     let threads: Vec<_> = run.threads.iter().map(ToString::to_string).collect();
     add("threads", &threads.join(", "));
     add("compiler", &format!("{}; {}", run.rustc, run.flags));
-    add("peers", if run.peers.is_empty() { "none" } else { &run.peers.join(", ") });
+    let peers = if run.peers.is_empty() { "none".into() } else { run.peers.join(", ") };
+    add("peers", &peers);
     let revision = run.revision.as_deref().map(|r| format!(", revision {r}")).unwrap_or_default();
     add("when", &format!("{}{revision}", run.date));
     add("arguments", &run.arguments.join(" "));
@@ -237,8 +239,7 @@ fn scatter_csv(group: &Group<'_>) -> Table {
 
 fn totals_csv(group: &Group<'_>) -> Table {
     let engines = group.costs();
-    let mut table =
-        Table::new(format!("{}-totals", group.slug())).column("rays", Best::Neither);
+    let mut table = Table::new(format!("{}-totals", group.slug())).column("rays", Best::Neither);
     for (engine, _) in &engines {
         table = table.column(format!("{} ms", engine.label()), Best::Neither);
     }

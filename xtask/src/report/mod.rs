@@ -9,22 +9,34 @@ mod table;
 mod tables;
 
 use crate::cli::ReportArgs;
-use crate::results::Results;
+use crate::results::{Results, Row};
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-pub(crate) use tables::{all_as_text, slug};
+pub(crate) use tables::{slug, summary_as_text};
 
 /// Runs the command.
-pub fn run(args: &ReportArgs) -> Result<ExitCode> {
+pub(crate) fn run(args: &ReportArgs) -> Result<ExitCode> {
     let parts = args.files.iter().map(|file| Results::read(file)).collect::<Result<Vec<_>>>()?;
     let results = Results::merge(parts);
-    println!("{}", all_as_text(&results));
+    print!("{}", tables::groups_as_text(&model::groups(&results)));
+    println!("{}", summary_as_text(&results));
     results.write(&args.out.join("results.json"))?;
     let page = write(&results, &args.out)?;
     println!("{}", page.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// The tables of some rows of the results.
+pub(crate) fn group_as_text(results: &Results, rows: &[Row]) -> String {
+    let part = Results {
+        runs: results.runs.clone(),
+        scenes: results.scenes.clone(),
+        rows: rows.to_vec(),
+        ..Results::default()
+    };
+    tables::groups_as_text(&model::groups(&part))
 }
 
 /// Writes `report.html` and `csv/*.csv` into a folder; returns the path of the former.
@@ -45,7 +57,7 @@ pub(crate) fn write(results: &Results, out: &Path) -> Result<PathBuf> {
 mod tests {
     use super::*;
     use crate::results::tests::{build, trace};
-    use crate::results::{Failure, HeatMap, Row, Run, SceneInfo};
+    use crate::results::{Failure, HeatMap, Run, SceneInfo};
 
     #[test]
     fn the_page_stands_alone() {

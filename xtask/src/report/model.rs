@@ -104,8 +104,7 @@ impl<'a> Group<'a> {
     pub(crate) fn engines(&self) -> Vec<Engine<'a>> {
         let mut engines = Vec::new();
         for row in &self.traces {
-            let engine =
-                Engine { source: row.source, builder: &row.builder, kernel: &row.kernel };
+            let engine = Engine { source: row.source, builder: &row.builder, kernel: &row.kernel };
             if !engines.contains(&engine) {
                 engines.push(engine);
             }

@@ -11,7 +11,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<LogAxis, LogAxis>>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
 
 /// Width and height in CSS pixels; the page scales them down where it is narrower.
 const SIZE: (u32, u32) = (720, 440);
@@ -56,9 +56,11 @@ fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
 /// lets the page set the font and the size.
 fn themed(svg: &str, description: &str) -> String {
     let mut svg = svg.to_owned();
-    for (stand_in, name, fallback) in
-        [("#010203", "ink", "#1f2328"), ("#010204", "faint", "#59636e"), ("#010205", "grid", "#dde1e6")]
-    {
+    for (stand_in, name, fallback) in [
+        ("#010203", "ink", "#1f2328"),
+        ("#010204", "faint", "#59636e"),
+        ("#010205", "grid", "#dde1e6"),
+    ] {
         for attribute in ["fill", "stroke"] {
             svg = svg.replace(
                 &format!("{attribute}=\"{stand_in}\""),
@@ -67,14 +69,14 @@ fn themed(svg: &str, description: &str) -> String {
         }
     }
     let start = svg.find("<svg ").map_or(0, |at| at + "<svg ".len());
-    svg.insert_str(start, &format!("role=\"img\" aria-label=\"{}\" ", super::table::escape(description)));
+    svg.insert_str(
+        start,
+        &format!("role=\"img\" aria-label=\"{}\" ", super::table::escape(description)),
+    );
     svg
 }
 
-fn draw(
-    description: &str,
-    paint: impl FnOnce(&Area<'_>) -> Result<()>,
-) -> Result<String> {
+fn draw(description: &str, paint: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
@@ -84,12 +86,12 @@ fn draw(
     Ok(themed(&svg, description))
 }
 
-fn chart<'a>(
-    area: &'a Area<'a>,
+fn chart<'a, 'b>(
+    area: &'a Area<'b>,
     (x, y): (LogAxis, LogAxis),
     (x_label, y_label): (&str, &str),
     right: u32,
-) -> Result<Chart<'a>> {
+) -> Result<Chart<'a, 'b>> {
     let mut chart = ChartBuilder::on(area)
         .margin(8)
         .margin_right(right)
@@ -138,7 +140,12 @@ impl Frame {
 
 /// Finds a place for each label near its point where it covers neither points nor labels.
 /// Returns the middle of each.
-fn place_labels(points: &[(f64, f64)], labels: &[String], size: f64, page: Frame) -> Vec<(f64, f64)> {
+fn place_labels(
+    points: &[(f64, f64)],
+    labels: &[String],
+    size: f64,
+    page: Frame,
+) -> Vec<(f64, f64)> {
     let mut taken: Vec<Frame> = points.iter().map(|&p| Frame::around(p, 7.0, 7.0)).collect();
     let mut places = Vec::with_capacity(points.len());
     for (i, (&(x, y), label)) in points.iter().zip(labels).enumerate() {
@@ -192,14 +199,15 @@ pub(crate) fn scatter(engines: &[(Engine<'_>, Cost)], mix: &str) -> Result<Strin
         let x = LogAxis::around(engines.iter().map(|(_, c)| c.once), 0.08);
         let y = LogAxis::around(engines.iter().map(|(_, c)| nanoseconds(c)), 0.08);
         let y_label = format!("time per ray, ns ({mix})");
-        let mut chart =
-            chart(area, (x, y), ("mesh to traversable structure, ms", &y_label), 14)?;
+        let mut chart = chart(area, (x, y), ("mesh to traversable structure, ms", &y_label), 14)?;
 
         let mut front: Vec<_> = engines
             .iter()
             .filter(|(_, a)| {
                 !engines.iter().any(|(_, b)| {
-                    b.once <= a.once && b.per_ray <= a.per_ray && (b.once, b.per_ray) != (a.once, a.per_ray)
+                    b.once <= a.once
+                        && b.per_ray <= a.per_ray
+                        && (b.once, b.per_ray) != (a.once, a.per_ray)
                 })
             })
             .map(|(_, c)| (c.once, nanoseconds(c)))
@@ -230,7 +238,8 @@ pub(crate) fn scatter(engines: &[(Engine<'_>, Cost)], mix: &str) -> Result<Strin
                 area.draw(&line).map_err(failed)?;
             }
             if engine.is_peers_own() {
-                area.draw(&TriangleMarker::new(pixel(point), 7, colour.filled())).map_err(failed)?;
+                area.draw(&TriangleMarker::new(pixel(point), 7, colour.filled()))
+                    .map_err(failed)?;
             } else if engine.source == Source::Niwaki {
                 area.draw(&Circle::new(pixel(point), 5, colour.filled())).map_err(failed)?;
             } else {
@@ -350,7 +359,8 @@ fn name_ends(area: &Area<'_>, ends: &mut [(&Engine<'_>, i32)]) -> Result<()> {
     for ((engine, end), y) in ends.iter().zip(ys) {
         let colour = colour(engine.source, engine.builder);
         let from = if *end == i32::MIN { (right, y) } else { (right - 9, *end) };
-        let line = PathElement::new([from, (right + 4, y), (right + 14, y)], colour.stroke_width(2));
+        let line =
+            PathElement::new([from, (right + 4, y), (right + 14, y)], colour.stroke_width(2));
         area.draw(&line).map_err(failed)?;
         let style = text(12.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
         area.draw(&Text::new(engine.label(), (right + 18, y), style)).map_err(failed)?;

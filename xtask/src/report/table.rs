@@ -150,7 +150,7 @@ impl Table {
     /// Lines for a terminal.
     pub(crate) fn to_text(&self) -> String {
         let mut table = Printed::new();
-        table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
+        table.load_style(presets::UTF8_HORIZONTAL_ONLY);
         // A table that is cut at the terminal's edge no longer lines up; let it run over.
         table.set_content_arrangement(ContentArrangement::Disabled);
         table.set_header(self.columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>());
@@ -218,7 +218,8 @@ impl Table {
 /// A number with groups of three digits apart.
 pub(crate) fn grouped(number: f64, digits: usize) -> String {
     let text = format!("{:.digits$}", number.abs());
-    let (whole, fraction) = text.split_once('.').map_or((text.as_str(), None), |(w, f)| (w, Some(f)));
+    let (whole, fraction) =
+        text.split_once('.').map_or((text.as_str(), None), |(w, f)| (w, Some(f)));
     let mut result = String::new();
     if number < 0.0 && text.bytes().any(|b| (b'1'..=b'9').contains(&b)) {
         result.push('-');

@@ -93,18 +93,22 @@ pub(crate) fn traces(group: &Group<'_>) -> Table {
         .column("kernel", Best::Neither);
     let has_embree = group.traces.iter().any(|row| row.kernel == "embree");
     for rays in &sets {
-        table = table
-            .column(format!("{rays} Mray/s"), Best::High)
-            .column_with_digits(format!("{rays} ÷ sweep"), Best::High, 3);
+        table = table.column(format!("{rays} Mray/s"), Best::High).column_with_digits(
+            format!("{rays} ÷ sweep"),
+            Best::High,
+            3,
+        );
         if has_embree {
             table = table.column_with_digits(format!("{rays} ÷ Embree M"), Best::High, 3);
         }
     }
     let has_counts = group.traces.iter().any(|row| row.boxes_per_ray.is_some());
     if has_counts {
-        table = table
-            .column_with_digits("boxes/ray", Best::Low, 1)
-            .column_with_digits("triangles/ray", Best::Low, 1);
+        table = table.column_with_digits("boxes/ray", Best::Low, 1).column_with_digits(
+            "triangles/ray",
+            Best::Low,
+            1,
+        );
     }
     for engine in group.engines() {
         let mut row: Vec<Cell> =
@@ -255,9 +259,7 @@ fn summary(name: &str, groups: &[&Group<'_>]) -> Table {
         // The mean over the scenes that have both sides of the ratio.
         let mean = |of: &dyn Fn(&Group<'_>, &BuildRow) -> Option<f64>| {
             geometric_mean(
-                groups
-                    .iter()
-                    .filter_map(|g| of(g, g.build(engine.source, engine.builder)?)),
+                groups.iter().filter_map(|g| of(g, g.build(engine.source, engine.builder)?)),
             )
         };
         let trace = |sets: &[&str], to: &dyn Fn(&Group<'_>, &str) -> Option<f64>| {
@@ -308,11 +310,10 @@ fn summary(name: &str, groups: &[&Group<'_>]) -> Table {
 /// All rows of a kind, with every field, for other programs.
 pub(crate) fn raw(results: &Results) -> anyhow::Result<Vec<(String, String)>> {
     let mut files = Vec::new();
-    for (name, keep) in
-        [("builds", (|row| matches!(row, Row::Build(_))) as fn(&Row) -> bool), ("traces", |row| {
-            matches!(row, Row::Trace(_))
-        })]
-    {
+    for (name, keep) in [
+        ("builds", (|row| matches!(row, Row::Build(_))) as fn(&Row) -> bool),
+        ("traces", |row| matches!(row, Row::Trace(_))),
+    ] {
         let mut writer = csv::Writer::from_writer(Vec::new());
         let mut header = Vec::new();
         for row in results.rows.iter().filter(|row| keep(row)) {
@@ -338,22 +339,28 @@ pub(crate) fn raw(results: &Results) -> anyhow::Result<Vec<(String, String)>> {
     Ok(files)
 }
 
-/// All tables of a report as text, in reading order.
-pub(crate) fn all_as_text(results: &Results) -> String {
-    let groups = groups(results);
-    let mut text = String::new();
-    let mut add = |title: &str, table: &Table| {
-        if !table.is_empty() {
-            text.push_str(&format!("\n{title}\n{}\n", table.to_text()));
-        }
-    };
-    for group in &groups {
-        add(&group.title(), &builds(group));
-        add("  rays", &traces(group));
-        add("  lowest build + trace time", &break_even(group));
+fn add(text: &mut String, title: &str, table: &Table) {
+    if !table.is_empty() {
+        text.push_str(&format!("\n{title}\n{}\n", table.to_text()));
     }
-    for (title, table) in summaries(&groups) {
-        add(&format!("Geometric means: {title}"), &table);
+}
+
+/// The tables of the groups that some rows belong to.
+pub(crate) fn groups_as_text(groups: &[Group<'_>]) -> String {
+    let mut text = String::new();
+    for group in groups {
+        add(&mut text, &group.title(), &builds(group));
+        add(&mut text, "rays", &traces(group));
+        add(&mut text, "lowest build + trace time", &break_even(group));
+    }
+    text
+}
+
+/// The tables of means.
+pub(crate) fn summary_as_text(results: &Results) -> String {
+    let mut text = String::new();
+    for (title, table) in summaries(&groups(results)) {
+        add(&mut text, &format!("Geometric means: {title}"), &table);
     }
     text
 }
