@@ -1,2 +1,24 @@
-//! Niwaki's commands.
-fn main() {}
+//! Niwaki's commands: orchestration and reports, no algorithms. `cargo xtask --help` lists them.
+
+mod bench;
+mod cli;
+mod machine;
+mod memory;
+mod registry;
+mod report;
+mod results;
+mod scenes;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let outcome = match cli::Cli::parse().command {
+        cli::Command::Bench(args) => bench::run(&args),
+        cli::Command::Report(args) => report::run(&args),
+    };
+    outcome.unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::FAILURE
+    })
+}

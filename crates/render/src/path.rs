@@ -41,6 +41,10 @@ pub struct PathSettings {
     /// path. Removes isolated bright pixels at the price of lost energy; `None` (the default) is
     /// unbiased.
     pub clamp: Option<f32>,
+    /// Sample lights directly at every surface (the default). Without, only paths that happen to
+    /// meet an emissive surface or the environment carry light: the same expectation with far more
+    /// noise, and darkness under punctual lights. For checking one against the other.
+    pub light_sampling: bool,
     /// Seed of all random choices.
     pub seed: u64,
 }
@@ -55,6 +59,7 @@ impl Default for PathSettings {
             max_depth: 8,
             roulette_start: 3,
             clamp: None,
+            light_sampling: true,
             seed: 0,
         }
     }
@@ -301,7 +306,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             let bsdf = self.bsdf(&surface, sampler);
             let frame = Frame::new(surface.normal);
             let wo = frame.to_local(-ray.direction);
-            if !bsdf.is_specular() {
+            if self.settings.light_sampling && !bsdf.is_specular() {
                 let limit = if depth > 0 { self.settings.clamp } else { None };
                 let direct = self.direct(&surface, &bsdf, &frame, wo, sampler, observer);
                 radiance += limited(throughput * direct, limit);
@@ -324,7 +329,8 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
                 break;
             }
             ray = Ray::new(origin, direction);
-            last = Last { pdf: sample.pdf, normal: surface.normal, specular: sample.specular };
+            let specular = sample.specular || !self.settings.light_sampling;
+            last = Last { pdf: sample.pdf, normal: surface.normal, specular };
         }
         radiance
     }

@@ -3,7 +3,7 @@
 use crate::{
     offset::offset_origin,
     path::{Observer, PathSettings, Stage},
-    rng::Sampler,
+    rng::{Sampler, halves},
     sampling::{Frame, cosine_hemisphere, uniform_sphere},
     surface::Surface,
     view::View,
@@ -135,6 +135,7 @@ pub fn record_rays<I: Intersector + ?Sized>(
         max_depth: settings.depth,
         roulette_start: u32::MAX,
         clamp: None,
+        light_sampling: true,
         seed: settings.seed,
     };
     let stage = Stage::new(scene, intersector, &tracing);
@@ -237,11 +238,11 @@ pub fn random_rays(bounds: &Aabb, n: usize, seed: u64) -> Vec<Ray> {
     }
     let (center, half) = (bounds.center(), bounds.max * 0.5 - bounds.min * 0.5);
     let ray = |i: usize| {
-        // The low and the high half of the number, so that more than 2³² rays still differ.
-        let mut sampler = Sampler::new(i as u32, (i as u64 >> 32) as u32, seed);
+        let [low, high] = halves(i as u64);
+        let mut sampler = Sampler::new(low, high, seed);
         let (xy, z) = (sampler.next_2d(), sampler.next_1d());
         let within = Vec3::new(xy.x, xy.y, z) * 2.0 - Vec3::ONE;
-        let scale = if i % 2 == 0 { 1.0 } else { 3.0 };
+        let scale = if i.is_multiple_of(2) { 1.0 } else { 3.0 };
         Ray::new(center + half * within * scale, uniform_sphere(sampler.next_2d()))
     };
     (0..n).into_par_iter().map(ray).collect()

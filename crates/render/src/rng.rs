@@ -29,6 +29,12 @@ const fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / (1_u32 << 24) as f32
 }
 
+/// The low and the high half of a number.
+#[expect(clippy::cast_possible_truncation, reason = "the halves are what is wanted")]
+pub(crate) const fn halves(x: u64) -> [u32; 2] {
+    [x as u32, (x >> 32) as u32]
+}
+
 /// The random numbers of one path: a hash of (pixel, sample, dimension, seed), the dimension
 /// counting up with every draw.
 #[derive(Clone, Debug)]
@@ -40,9 +46,9 @@ pub(crate) struct Sampler {
 }
 
 impl Sampler {
-    /// The numbers of sample `sample` of pixel number `pixel`. Only the hash of `seed` counts.
+    /// The numbers of sample `sample` of pixel number `pixel`.
     pub(crate) fn new(pixel: u32, sample: u32, seed: u64) -> Self {
-        let [low, high] = [seed & 0xffff_ffff, seed >> 32].map(|half| half as u32);
+        let [low, high] = halves(seed);
         Self { pixel, sample, dimension: 0, seed: low ^ pcg4d([high, 0, 0, 0])[0] }
     }
 
@@ -91,6 +97,7 @@ mod tests {
                 sampler.next_1d()
             };
             for i in 0..65_536 {
+                #[expect(clippy::cast_possible_truncation, reason = "below 16")]
                 let cell = |x: f32| (x * 16.0).floor() as usize;
                 counts[cell(draw(i)) * 16 + cell(draw(i + 1))] += 1;
             }

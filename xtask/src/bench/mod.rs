@@ -1,0 +1,343 @@
+//! `cargo xtask bench`: scenes × builders × threads × ray sets.
+
+mod builds;
+mod matrix;
+mod pictures;
+mod progress;
+mod rays;
+mod timing;
+mod traces;
+
+pub(crate) use matrix::Shard;
+
+use crate::cli::BenchArgs;
+use crate::registry::{self, TreeBuilder};
+use crate::results::{Failure, Results, Row, Run, SceneInfo, Source};
+use crate::scenes::{SceneSpec, make_names_unique};
+use crate::{machine, report};
+use anyhow::{Context, Error, Result, bail};
+use builds::Judgement;
+use matrix::{ScenePlan, plan};
+use niwaki_peers::{Embree, EmbreeSettings};
+use niwaki_scene::Scene;
+use niwaki_trace::{Kernel, WideScene};
+use progress::Progress;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use rays::RaySet;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// What the arguments ask for.
+struct Setup {
+    builders: Vec<TreeBuilder>,
+    kernels: Vec<Kernel>,
+    ray_sets: Vec<String>,
+    ray_count: usize,
+    /// Least time of each measurement.
+    seconds: f64,
+    seed: u64,
+    samples: u32,
+    pictures: Option<PathBuf>,
+    credits: Vec<String>,
+    files: Vec<PathBuf>,
+    all_cores: ThreadPool,
+    progress: Progress,
+}
+
+/// A scene at a number of threads.
+struct Group<'a> {
+    scene: &'a Scene,
+    threads: usize,
+    pool: ThreadPool,
+    all_cores: &'a ThreadPool,
+    embree: Option<Embree>,
+    /// Judgements of our trees of this scene, by builder.
+    judged: &'a mut Vec<(String, Judgement)>,
+    failures: &'a mut Failures,
+}
+
+/// What went wrong so far.
+#[derive(Default)]
+struct Failures {
+    list: Vec<Failure>,
+    /// A scene or a builder of ours failed, not just a peer.
+    fatal: bool,
+}
+
+impl Group<'_> {
+    fn title(&self) -> String {
+        format!("{}, {} threads", self.scene.name, self.threads)
+    }
+
+    fn fail(&mut self, builder: &TreeBuilder, error: &Error) {
+        self.failures.fatal |= builder.source() == Source::Niwaki;
+        self.failures.list.push(Failure {
+            scene: self.scene.name.clone(),
+            error: format!("{} at {} threads: {error:#}", builder.full_name(), self.threads),
+        });
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
+    let mut run = machine::describe();
+    let mut failures = Failures::default();
+    let specs = scenes(args, &mut failures)?;
+    let threads = threads(args);
+    let plans = plan(specs.len(), &threads, args.shard);
+    let mut builders = registry::select(&args.builders)?;
+    if args.no_peers {
+        builders.retain(|builder| builder.source() == Source::Niwaki);
+    }
+    find_peers(args, &mut builders, &mut run)?;
+    if builders.is_empty() {
+        bail!("no builder is left to measure");
+    }
+    let ray_sets = rays::names(&args.rays);
+    if args.list {
+        list(&specs, &plans, &builders, &ray_sets);
+        return Ok(exit_code(&failures));
+    }
+
+    let groups: usize = plans.iter().map(|plan| plan.threads.len()).sum();
+    let kernels = kernels(&args.kernels)?;
+    let engines = builders
+        .iter()
+        .map(|b| kernels.len() + usize::from(b.source() != Source::Niwaki))
+        .sum::<usize>();
+    let steps = plans.len() + groups * (builders.len() + engines * ray_sets.len());
+    let seconds = if args.quick { 0.1 } else { 0.5 };
+    let setup = Setup {
+        builders,
+        kernels,
+        ray_sets,
+        ray_count: args.ray_count.unwrap_or(if args.quick { 50_000 } else { 200_000 }),
+        seconds,
+        seed: args.seed,
+        samples: args.samples.unwrap_or(if args.quick { 4 } else { 32 }),
+        pictures: (!args.no_pictures).then(|| args.out.join("pictures")),
+        credits: args.credits.clone(),
+        files: std::iter::once(args.out.join("results.json")).chain(args.json.clone()).collect(),
+        all_cores: pool(machine::cores())?,
+        progress: Progress::new(steps),
+    };
+    run.threads = threads;
+    run.arguments = std::env::args().skip(2).collect();
+    run.shard = args.shard.map(|shard| shard.to_string());
+    run.seconds_per_measurement = seconds;
+    let mut results = Results { runs: vec![run], ..Results::default() };
+    for plan in &plans {
+        let spec = &specs[plan.scene];
+        if let Err(error) = measure_scene(&setup, spec, plan, &mut results, &mut failures) {
+            setup.progress.warn(&format!("error: {}: {error:#}", spec.describe()));
+            failures.fatal = true;
+            failures.list.push(Failure { scene: spec.describe(), error: format!("{error:#}") });
+        }
+        results.failures.clone_from(&failures.list);
+        save(&setup, &results)?;
+    }
+    // An empty shard has results too, so that merging needs no special case.
+    save(&setup, &results)?;
+    setup.progress.finish();
+    print!("{}", report::summary_as_text(&results));
+    let page = report::write(&results, &args.out)?;
+    for failure in &failures.list {
+        eprintln!("failed: {}: {}", failure.scene, failure.error);
+    }
+    println!("\nresults {}\nreport  {}", setup.files[0].display(), page.display());
+    Ok(exit_code(&failures))
+}
+
+fn exit_code(failures: &Failures) -> ExitCode {
+    if failures.fatal { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+fn pool(threads: usize) -> Result<ThreadPool> {
+    ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .with_context(|| format!("cannot start {threads} threads"))
+}
+
+/// The scenes that were asked for; those that cannot be found are noted.
+fn scenes(args: &BenchArgs, failures: &mut Failures) -> Result<Vec<SceneSpec>> {
+    let triangles = args.triangles.unwrap_or(if args.quick { 10_000 } else { 100_000 });
+    let mut specs = Vec::new();
+    let mut note = |scene: String, error: &Error| {
+        eprintln!("error: {scene}: {error:#}");
+        failures.fatal = true;
+        failures.list.push(Failure { scene, error: format!("{error:#}") });
+    };
+    for text in &args.scenes {
+        match SceneSpec::parse(text, triangles) {
+            Ok(spec) => specs.push(spec),
+            Err(error) => note(text.clone(), &error),
+        }
+    }
+    for folder in &args.folders {
+        match SceneSpec::below(folder) {
+            Ok(found) => specs.extend(found),
+            Err(error) => note(folder.display().to_string(), &error),
+        }
+    }
+    if args.scenes.is_empty() && args.folders.is_empty() {
+        specs = SceneSpec::procedural(triangles);
+    }
+    if specs.is_empty() {
+        bail!("there is no scene to measure");
+    }
+    specs.dedup();
+    make_names_unique(&mut specs);
+    Ok(specs)
+}
+
+fn threads(args: &BenchArgs) -> Vec<usize> {
+    if args.threads.is_empty() {
+        return vec![machine::cores()];
+    }
+    let mut threads: Vec<usize> = Vec::new();
+    for &count in &args.threads {
+        let count = usize::from(count);
+        if !threads.contains(&count) {
+            threads.push(count);
+        }
+    }
+    threads
+}
+
+fn kernels(names: &[String]) -> Result<Vec<Kernel>> {
+    if names.is_empty() {
+        return Ok(vec![Kernel::best()]);
+    }
+    let mut kernels = Vec::new();
+    for name in names {
+        let Some(kernel) = Kernel::ALL.into_iter().find(|kernel| kernel.name() == name) else {
+            bail!("`{name}` is no kernel; known are {}", Kernel::ALL.map(Kernel::name).join(", "));
+        };
+        if !kernel.is_available() {
+            bail!("this processor lacks the instructions of the kernel {name}");
+        }
+        if !kernels.contains(&kernel) {
+            kernels.push(kernel);
+        }
+    }
+    Ok(kernels)
+}
+
+/// Notes the peers' versions, and drops Embree's builders with a line if it is not there.
+fn find_peers(args: &BenchArgs, builders: &mut Vec<TreeBuilder>, run: &mut Run) -> Result<()> {
+    let has = |builders: &[TreeBuilder], source| builders.iter().any(|b| b.source() == source);
+    if has(builders, Source::Obvhs) {
+        run.peers.push("obvhs".into());
+    }
+    if has(builders, Source::Embree) {
+        match Embree::load() {
+            Ok(embree) => run.peers.push(format!("Embree {}", embree.version())),
+            Err(error) if args.peers => return Err(error.into()),
+            Err(error) => {
+                eprintln!("note: measuring without Embree. {error}");
+                builders.retain(|builder| builder.source() != Source::Embree);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn list(specs: &[SceneSpec], plans: &[ScenePlan], builders: &[TreeBuilder], ray_sets: &[String]) {
+    println!("scenes and threads:");
+    for plan in plans {
+        println!("  {} at {:?}", specs[plan.scene].describe(), plan.threads);
+    }
+    let names: Vec<_> = builders.iter().map(TreeBuilder::full_name).collect();
+    println!("builders: {}\nrays: {}", names.join(", "), ray_sets.join(", "));
+}
+
+fn save(setup: &Setup, results: &Results) -> Result<()> {
+    setup.files.iter().try_for_each(|file| results.write(file))
+}
+
+/// Measures a scene at all its numbers of threads, and saves after each.
+fn measure_scene(
+    setup: &Setup,
+    spec: &SceneSpec,
+    plan: &ScenePlan,
+    results: &mut Results,
+    failures: &mut Failures,
+) -> Result<()> {
+    let per_group = setup.builders.len() * (1 + setup.ray_sets.len());
+    setup.progress.message(&format!("{}: load", spec.name));
+    let loaded = setup.all_cores.install(|| spec.load(setup.seed));
+    let scene = match loaded {
+        Ok(scene) if scene.mesh.is_empty() => Err(anyhow::anyhow!("it has no triangles")),
+        other => other,
+    }
+    .inspect_err(|_| setup.progress.skip(1 + plan.threads.len() * per_group))?;
+    let (info, sets) = prepare(setup, spec, plan, &scene)?;
+    results.add_scene(info);
+    setup.progress.step();
+    let mut judged = Vec::new();
+    for &threads in &plan.threads {
+        let rows = measure_group(setup, &scene, threads, &sets, &mut judged, failures)?;
+        let first = results.rows.len();
+        results.rows.extend(rows);
+        results.failures.clone_from(&failures.list);
+        save(setup, results)?;
+        setup.progress.print(&report::group_as_text(results, &results.rows[first..]));
+    }
+    Ok(())
+}
+
+/// Records the rays, and makes the pictures, with the tree of our best builder.
+fn prepare(
+    setup: &Setup,
+    spec: &SceneSpec,
+    plan: &ScenePlan,
+    scene: &Scene,
+) -> Result<(SceneInfo, Vec<RaySet>)> {
+    let mut info = SceneInfo {
+        name: scene.name.clone(),
+        triangles: scene.mesh.len(),
+        origin: spec.origin_name(),
+        credit: spec.credit(&setup.credits),
+        dropped: (!scene.dropped.is_empty())
+            .then(|| scene.dropped.to_string().lines().next().unwrap_or_default().to_owned()),
+        picture: None,
+        heat_map: None,
+    };
+    let ours = registry::ours();
+    let builder = ours.last().context("there is no builder")?;
+    setup.all_cores.install(|| {
+        setup.progress.message(&format!("{}: record rays", scene.name));
+        let wide = WideScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
+        let sets = rays::record(scene, &wide, &setup.ray_sets, setup.ray_count, setup.seed);
+        if let (true, Some(folder)) = (plan.pictures, &setup.pictures) {
+            setup.progress.message(&format!("{}: render", scene.name));
+            pictures::render(scene, &wide, builder.name(), setup.samples, folder, &mut info)?;
+        }
+        Ok((info, sets))
+    })
+}
+
+fn measure_group(
+    setup: &Setup,
+    scene: &Scene,
+    threads: usize,
+    sets: &[RaySet],
+    judged: &mut Vec<(String, Judgement)>,
+    failures: &mut Failures,
+) -> Result<Vec<Row>> {
+    // One device at a time: Embree takes the largest number of threads of all that live.
+    let embree = if setup.builders.iter().any(|b| b.source() == Source::Embree) {
+        Some(Embree::with_settings(&EmbreeSettings { threads, ..EmbreeSettings::default() })?)
+    } else {
+        None
+    };
+    let all_cores = &setup.all_cores;
+    let pool = pool(threads)?;
+    let mut group = Group { scene, threads, pool, all_cores, embree, judged, failures };
+    let built = builds::measure(setup, &mut group);
+    let builds = built.iter().map(|built| Row::Build(built.row.clone()));
+    let mut rows: Vec<Row> = builds.collect();
+    rows.extend(traces::measure(setup, &mut group, built, sets).into_iter().map(Row::Trace));
+    Ok(rows)
+}

@@ -1,0 +1,88 @@
+//! Taking measurements in turns.
+
+use std::time::Duration;
+
+/// How long to measure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Effort {
+    /// Least number of measurements of each.
+    pub(crate) at_least: usize,
+    /// Most of each.
+    pub(crate) at_most: usize,
+    /// Go on until each has taken so long in total.
+    pub(crate) total: Duration,
+}
+
+impl Effort {
+    /// At least three, and until `seconds` have been spent on each.
+    pub(crate) fn seconds(seconds: f64) -> Self {
+        Self { at_least: 3, at_most: 10_000, total: Duration::from_secs_f64(seconds) }
+    }
+}
+
+/// Measures `count` rivals in turns (A B C, A B C, …), so that a change of the machine's speed
+/// meets all of them. `measure(i)` measures the i-th once and returns how long that took; one that
+/// has had its effort drops out of the turns, as does one that fails.
+pub(crate) fn in_turns(
+    count: usize,
+    effort: Effort,
+    mut measure: impl FnMut(usize) -> Option<Duration>,
+) {
+    let mut spent = vec![(0, Duration::ZERO); count];
+    let mut going: Vec<usize> = (0..count).collect();
+    while !going.is_empty() {
+        going.retain(|&i| {
+            let Some(time) = measure(i) else { return false };
+            let (times, total) = &mut spent[i];
+            *times += 1;
+            *total += time;
+            *times < effort.at_most && (*times < effort.at_least || *total < effort.total)
+        });
+    }
+}
+
+/// The median; the mean of the middle two of an even number. NaN of nothing.
+pub(crate) fn median(numbers: &[f64]) -> f64 {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => f64::NAN,
+        n if n % 2 == 1 => sorted[n / 2],
+        n => f64::midpoint(sorted[n / 2 - 1], sorted[n / 2]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_alternate_and_end() {
+        let effort = Effort { at_least: 2, at_most: 5, total: Duration::from_secs(10) };
+        let seconds = [1, 4, 100];
+        let mut order = Vec::new();
+        in_turns(3, effort, |i| {
+            order.push(i);
+            Some(Duration::from_secs(seconds[i]))
+        });
+        // The first takes all its turns, the second needs three for 10 s, the third its least.
+        assert_eq!(order, [0, 1, 2, 0, 1, 2, 0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn failures_drop_out() {
+        let mut calls = [0; 2];
+        in_turns(2, Effort::seconds(0.0), |i| {
+            calls[i] += 1;
+            (i == 0).then_some(Duration::from_millis(1))
+        });
+        assert_eq!(calls, [3, 1]);
+    }
+
+    #[test]
+    fn medians() {
+        assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5);
+        assert!(median(&[]).is_nan());
+    }
+}

@@ -1,0 +1,225 @@
+//! The command line.
+
+use crate::bench::Shard;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Niwaki's commands.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", max_term_width = 100)]
+pub(crate) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Compare builders: how fast they build, how good their trees are, how fast rays go.
+    Bench(Box<BenchArgs>),
+    /// Merge results files into one report.
+    Report(ReportArgs),
+}
+
+const BENCH_EXAMPLES: &str = "\
+Examples:
+  cargo xtask bench
+      Seven procedural scenes, every builder, all cores; about two minutes on two cores.
+  cargo xtask bench --scene model.glb --threads 1,2
+      Your own scene (.obj, .gltf, .glb, each also packed as .zst), at one and at two threads.
+  cargo xtask bench --scene city:1000000 --scene hair:3M --builders sweep,bonsai_p,embree
+      Procedural scenes of a chosen size; only some builders.
+  cargo xtask bench --scenes models --shard 2/8 --out out/shard2
+      The second of eight parts of the matrix of all scenes below a folder, for a job scheduler.
+      Afterwards: cargo xtask report out/shard*/results.json
+
+Output (in --out): results.json, report.html (open it in a browser; it needs nothing else),
+csv/*.csv and pictures/*.png. results.json is written after each scene, so an interrupted run can
+still be turned into a report by `cargo xtask report`.
+
+Every measurement is taken alternately with its rivals in one process (A B C, A B C, ...), on the
+same recorded path-tracing rays and the same threads; reported are medians. Compare ratios, not
+milliseconds of different runs. Embree joins in if EMBREE_LIBRARY names its library or the system
+has it; ci/setup-embree.sh installs it.
+
+The exit code is 1 if a scene could not be loaded or a builder of ours failed; the rest is measured
+all the same.";
+
+/// Arguments of `cargo xtask bench`.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = BENCH_EXAMPLES)]
+pub(crate) struct BenchArgs {
+    /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
+    /// may be repeated [default: all procedural scenes]
+    #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
+    pub(crate) scenes: Vec<String>,
+
+    /// All files below a folder that can be loaded
+    #[arg(long = "scenes", value_name = "DIR")]
+    pub(crate) folders: Vec<PathBuf>,
+
+    /// Builders, comma-separated: names (bonsai_p), peers' presets (embree:medium, obvhs:fast), or
+    /// groups (niwaki, embree, obvhs, all) [default: niwaki,embree,obvhs:medium]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) builders: Vec<String>,
+
+    /// Numbers of threads, comma-separated [default: all that this process may use]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',',
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Vec<u16>,
+
+    /// Ray sets, comma-separated: camera, shadow, ao, bounce (all bounces together), bounce1 to
+    /// bounce4, or all (the first four)
+    #[arg(long, value_name = "SETS", value_delimiter = ',', default_value = "camera,bounce",
+          value_parser = ["camera", "shadow", "ao", "bounce", "bounce1", "bounce2", "bounce3",
+                          "bounce4", "all"])]
+    pub(crate) rays: Vec<String>,
+
+    /// Our traversal kernels, comma-separated: scalar, avx2, avx512 [default: the fastest that
+    /// this processor has]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) kernels: Vec<String>,
+
+    /// Rays per set, at most [default: 200000, with --quick 50000]
+    #[arg(long, value_name = "NUMBER", value_parser = parse_count)]
+    pub(crate) ray_count: Option<usize>,
+
+    /// Shorter measurements (0.1 s instead of 0.5 s), fewer rays, smaller procedural scenes:
+    /// enough to see that everything works
+    #[arg(long)]
+    pub(crate) quick: bool,
+
+    /// Triangles of procedural scenes that are named without a number [default: 100k, with
+    /// --quick 10k]
+    #[arg(long, value_name = "NUMBER", value_parser = parse_count)]
+    pub(crate) triangles: Option<usize>,
+
+    /// Seed of procedural scenes and of recorded rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+
+    /// Where results go
+    #[arg(long, value_name = "DIR", default_value = "out/bench")]
+    pub(crate) out: PathBuf,
+
+    /// Write the results to this file too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+
+    /// Measure only the K-th of N parts; a scene at one number of threads is never divided
+    #[arg(long, value_name = "K/N")]
+    pub(crate) shard: Option<Shard>,
+
+    /// Fail if Embree is not there (by default it is left out with a note)
+    #[arg(long, overrides_with = "no_peers")]
+    pub(crate) peers: bool,
+
+    /// Compare our own builders only
+    #[arg(long)]
+    pub(crate) no_peers: bool,
+
+    /// Leave pictures out of the report
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+
+    /// Paths per pixel of the picture of each scene [default: 32, with --quick 4]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(crate) samples: Option<u32>,
+
+    /// Credit shown under pictures: NAME=TEXT for one scene, or TEXT for all; may be repeated. Files
+    /// named like the scene with .credit.txt or .txt, or a LICENSE.txt beside it, are read otherwise
+    #[arg(long = "credit", value_name = "[NAME=]TEXT")]
+    pub(crate) credits: Vec<String>,
+
+    /// Print what would be measured, and stop
+    #[arg(long)]
+    pub(crate) list: bool,
+}
+
+const REPORT_EXAMPLES: &str = "\
+Example:
+  cargo xtask report out/shard1/results.json out/shard2/results.json --out out/whole
+
+Pictures are read from where the results files say, so keep the folders as the bench wrote them.";
+
+/// Arguments of `cargo xtask report`.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = REPORT_EXAMPLES)]
+pub(crate) struct ReportArgs {
+    /// Results files of `cargo xtask bench`
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+
+    /// Where the report goes: report.html, results.json (merged) and csv/*.csv
+    #[arg(long, value_name = "DIR", default_value = "out/report")]
+    pub(crate) out: PathBuf,
+}
+
+/// A count such as `250000`, `250k`, `1.5M`.
+pub(crate) fn parse_count(text: &str) -> Result<usize, String> {
+    let (digits, unit) = match text.char_indices().last() {
+        Some((at, 'k' | 'K')) => (&text[..at], 1e3),
+        Some((at, 'm' | 'M')) => (&text[..at], 1e6),
+        _ => (text, 1.0),
+    };
+    let number: f64 = digits.replace('_', "").parse().map_err(|_| {
+        format!("`{text}` is not a count; write a number such as 250000, 250k or 1.5M")
+    })?;
+    let count = (number * unit).round();
+    if !(1.0..=1e9).contains(&count) {
+        return Err(format!("{text} is out of range; use 1 to 1000M"));
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 1e9")]
+    Ok(count as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn counts_have_units() {
+        assert_eq!(parse_count("250000"), Ok(250_000));
+        assert_eq!(parse_count("250k"), Ok(250_000));
+        assert_eq!(parse_count("1.5M"), Ok(1_500_000));
+        for bad in ["", "k", "-3", "0", "1e99", "many", "nan"] {
+            assert!(parse_count(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn repeated_scenes_and_lists_are_read() {
+        let cli = Cli::try_parse_from([
+            "xtask",
+            "bench",
+            "--scene",
+            "a.glb",
+            "--scene",
+            "city:1M",
+            "--threads",
+            "1,2",
+            "--builders",
+            "sweep,embree:medium",
+            "--rays",
+            "camera,ao",
+            "--shard",
+            "2/3",
+        ])
+        .unwrap();
+        let Command::Bench(args) = cli.command else { panic!("not a bench") };
+        assert_eq!(args.scenes, ["a.glb", "city:1M"]);
+        assert_eq!(args.threads, [1, 2]);
+        assert_eq!(args.rays, ["camera", "ao"]);
+        assert_eq!(args.shard, Some(Shard { part: 2, parts: 3 }));
+        for bad in [&["--threads", "0"][..], &["--rays", "sideways"], &["--shard", "4/3"]] {
+            assert!(Cli::try_parse_from([&["xtask", "bench"], bad].concat()).is_err(), "{bad:?}");
+        }
+    }
+}

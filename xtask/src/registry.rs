@@ -1,0 +1,194 @@
+//! All builders by name: ours, and those of peers.
+
+use crate::results::Source;
+use anyhow::{Context, Result, bail};
+use niwaki_build_binned::Binned;
+use niwaki_build_bonsai::Bonsai;
+use niwaki_build_lbvh::Lbvh;
+use niwaki_build_median::{ObjectMedian, SpatialMedian};
+use niwaki_build_sweep::Sweep;
+use niwaki_core::{Builder, Bvh, Intersector, TriangleMesh};
+use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
+use std::time::{Duration, Instant};
+
+/// Our builders, in the order of tables. The first is what others are compared with.
+pub(crate) fn ours() -> Vec<Box<dyn Builder>> {
+    vec![
+        Box::new(Sweep::default()),
+        Box::new(Binned::default()),
+        Box::new(Lbvh::default()),
+        Box::new(ObjectMedian::default()),
+        Box::new(SpatialMedian::default()),
+        Box::new(Bonsai::bonsai()),
+        Box::new(Bonsai::bonsai_p()),
+        Box::new(Bonsai::bonsai_p_star()),
+    ]
+}
+
+/// A builder of ours or of a peer.
+pub(crate) enum TreeBuilder {
+    /// One of ours.
+    Ours(Box<dyn Builder>),
+    /// A preset of obvhs.
+    Obvhs(ObvhsPreset),
+    /// A build quality of Embree.
+    Embree(Quality),
+}
+
+/// A binary tree, and how long it took from the mesh.
+pub(crate) struct TimedTree {
+    /// The tree in our layout.
+    pub(crate) bvh: Bvh,
+    /// The builder's own time, without conversion to our layout.
+    pub(crate) time: Duration,
+}
+
+/// A peer's own structure.
+pub(crate) struct OwnScene {
+    /// What answers rays.
+    pub(crate) scene: Box<dyn Intersector + Send>,
+    /// From the mesh to there.
+    pub(crate) time: Duration,
+}
+
+impl TreeBuilder {
+    /// All, in the order of tables.
+    pub(crate) fn all() -> Vec<Self> {
+        ours()
+            .into_iter()
+            .map(Self::Ours)
+            .chain(ObvhsPreset::ALL.map(Self::Obvhs))
+            .chain(Quality::ALL.map(Self::Embree))
+            .collect()
+    }
+
+    /// Whose it is.
+    pub(crate) const fn source(&self) -> Source {
+        match self {
+            Self::Ours(_) => Source::Niwaki,
+            Self::Obvhs(_) => Source::Obvhs,
+            Self::Embree(_) => Source::Embree,
+        }
+    }
+
+    /// The builder's or preset's name.
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Self::Ours(builder) => builder.name(),
+            Self::Obvhs(preset) => preset.name(),
+            Self::Embree(quality) => quality.name(),
+        }
+    }
+
+    /// The unambiguous name: `bonsai_p`, `embree:medium`.
+    pub(crate) fn full_name(&self) -> String {
+        match self {
+            Self::Ours(builder) => builder.name().to_owned(),
+            _ => format!("{}:{}", self.source().name(), self.name()),
+        }
+    }
+
+    /// Builds a binary tree on the current rayon pool (Embree: on the threads of its device).
+    pub(crate) fn build(&self, mesh: &TriangleMesh, embree: Option<&Embree>) -> Result<TimedTree> {
+        match self {
+            Self::Ours(builder) => {
+                let start = Instant::now();
+                let bvh = builder.build_mesh(mesh)?;
+                Ok(TimedTree { bvh, time: start.elapsed() })
+            }
+            Self::Obvhs(preset) => {
+                let build = preset.build(mesh)?;
+                Ok(TimedTree { bvh: build.bvh, time: build.build })
+            }
+            Self::Embree(quality) => {
+                let build = embree.context("Embree is not loaded")?.build_bvh(*quality, mesh)?;
+                Ok(TimedTree { bvh: build.bvh, time: build.build })
+            }
+        }
+    }
+
+    /// A peer's own structure for its own kernel; nothing for a builder of ours.
+    pub(crate) fn own_scene(
+        &self,
+        mesh: &TriangleMesh,
+        embree: Option<&Embree>,
+    ) -> Result<Option<OwnScene>> {
+        match self {
+            Self::Ours(_) => Ok(None),
+            Self::Obvhs(preset) => {
+                let scene = ObvhsScene::new(mesh, *preset, ObvhsKernel::CwBvh)?;
+                Ok(Some(OwnScene { time: scene.build_time(), scene: Box::new(scene) }))
+            }
+            Self::Embree(quality) => {
+                let embree = embree.context("Embree is not loaded")?;
+                let scene = EmbreeScene::new(embree, mesh, *quality, false)?;
+                Ok(Some(OwnScene { time: scene.commit_time(), scene: Box::new(scene) }))
+            }
+        }
+    }
+}
+
+/// The builders that a list of names and groups selects, each once, in the order of tables.
+pub(crate) fn select(names: &[String]) -> Result<Vec<TreeBuilder>> {
+    const DEFAULT: [&str; 3] = ["niwaki", "embree", "obvhs:medium"];
+    let names: Vec<&str> = if names.is_empty() {
+        DEFAULT.to_vec()
+    } else {
+        names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect()
+    };
+    let selects = |name: &str, builder: &TreeBuilder| {
+        name == "all"
+            || name == builder.source().name()
+            || name == builder.full_name()
+            || name == builder.name()
+    };
+    let all = TreeBuilder::all();
+    for name in &names {
+        if !all.iter().any(|builder| selects(name, builder)) {
+            let known: Vec<_> = all.iter().map(TreeBuilder::full_name).collect();
+            bail!(
+                "`{name}` is no builder; known are {}, and the groups niwaki, embree, obvhs, all",
+                known.join(", ")
+            );
+        }
+    }
+    Ok(all.into_iter().filter(|builder| names.iter().any(|name| selects(name, builder))).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(list: &[&str]) -> Vec<String> {
+        let list: Vec<_> = list.iter().map(ToString::to_string).collect();
+        select(&list).unwrap().iter().map(TreeBuilder::full_name).collect()
+    }
+
+    #[test]
+    fn our_builders_have_their_published_names() {
+        let names: Vec<_> = ours().iter().map(|b| b.name().to_owned()).collect();
+        let expected = [
+            "sweep",
+            "binned",
+            "lbvh",
+            "median_object",
+            "median_spatial",
+            "bonsai",
+            "bonsai_p",
+            "bonsai_p_star",
+        ];
+        assert_eq!(names, expected);
+    }
+
+    #[test]
+    fn names_and_groups_select() {
+        assert_eq!(names(&["bonsai_p", "sweep"]), ["sweep", "bonsai_p"]);
+        assert_eq!(names(&["embree"]), ["embree:low", "embree:medium", "embree:high"]);
+        assert_eq!(names(&["medium"]), ["obvhs:medium", "embree:medium"]);
+        assert_eq!(names(&["embree:medium", "embree:medium"]), ["embree:medium"]);
+        assert_eq!(names(&["all"]).len(), 8 + 6 + 3);
+        assert_eq!(names(&[]).len(), 8 + 3 + 1);
+        let error = select(&["bonzai".into()]).err().unwrap().to_string();
+        assert!(error.contains("bonzai") && error.contains("bonsai_p_star"), "{error}");
+    }
+}

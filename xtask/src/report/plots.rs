@@ -1,0 +1,428 @@
+//! The plots, as SVG that follows the page's light or dark colours.
+
+use super::axis::{LogAxis, short};
+use super::break_even::{Cost, Interval};
+use super::model::Engine;
+use crate::results::Source;
+use anyhow::{Result, anyhow};
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::Ranged;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
+
+/// Width and height in CSS pixels; the page scales them down where it is narrower.
+const SIZE: (u32, u32) = (720, 440);
+/// Size of text: plotters divides by this to get CSS pixels.
+const EM: f64 = 1.24;
+/// Widths of a glyph of the page's font, on average, in text sizes; used to keep labels apart.
+const GLYPH: f64 = 0.56;
+
+// Stand-ins that `themed` replaces by the page's colours.
+const INK: RGBColor = RGBColor(1, 2, 3);
+const FAINT: RGBColor = RGBColor(1, 2, 4);
+const GRID: RGBColor = RGBColor(1, 2, 5);
+
+/// The colour of a builder, the same in all plots and legible on white and on black.
+fn colour(source: Source, builder: &str) -> RGBColor {
+    match (source, builder) {
+        (Source::Niwaki, "sweep") => RGBColor(120, 128, 138),
+        (Source::Niwaki, "binned") => RGBColor(214, 125, 20),
+        (Source::Niwaki, "lbvh") => RGBColor(196, 68, 60),
+        (Source::Niwaki, "median_object") => RGBColor(166, 124, 92),
+        (Source::Niwaki, "median_spatial") => RGBColor(190, 150, 60),
+        (Source::Niwaki, "bonsai") => RGBColor(98, 168, 62),
+        (Source::Niwaki, "bonsai_p") => RGBColor(20, 150, 100),
+        (Source::Niwaki, "bonsai_p_star") => RGBColor(16, 158, 158),
+        (Source::Niwaki, _) => RGBColor(110, 140, 90),
+        (Source::Embree, "low") => RGBColor(110, 160, 235),
+        (Source::Embree, "high") => RGBColor(40, 85, 200),
+        (Source::Embree, _) => RGBColor(62, 122, 230),
+        (Source::Obvhs, _) => RGBColor(160, 84, 200),
+    }
+}
+
+fn failed<E: std::fmt::Debug>(error: E) -> anyhow::Error {
+    anyhow!("cannot draw a plot: {error:?}")
+}
+
+fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", size * EM).into_font().color(&colour)
+}
+
+/// Replaces the stand-in colours by the page's, with fallbacks for a plot opened by itself, and
+/// lets the page set the font and the size.
+fn themed(svg: &str, description: &str) -> String {
+    let mut svg = svg.to_owned();
+    for (stand_in, name, fallback) in [
+        ("#010203", "ink", "#1f2328"),
+        ("#010204", "faint", "#59636e"),
+        ("#010205", "grid", "#dde1e6"),
+    ] {
+        for attribute in ["fill", "stroke"] {
+            svg = svg.replace(
+                &format!("{attribute}=\"{stand_in}\""),
+                &format!("style=\"{attribute}:var(--{name},{fallback})\""),
+            );
+        }
+    }
+    let start = svg.find("<svg ").map_or(0, |at| at + "<svg ".len());
+    svg.insert_str(
+        start,
+        &format!("role=\"img\" aria-label=\"{}\" ", super::table::escape(description)),
+    );
+    svg
+}
+
+fn draw(description: &str, paint: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        paint(&area)?;
+        area.present().map_err(failed)?;
+    }
+    Ok(themed(&svg, description))
+}
+
+fn chart<'a, 'b>(
+    area: &'a Area<'b>,
+    (x, y): (LogAxis, LogAxis),
+    (x_label, y_label): (&str, &str),
+    right: u32,
+) -> Result<Chart<'a, 'b>> {
+    let mut chart = ChartBuilder::on(area)
+        .margin(8)
+        .margin_right(right)
+        .x_label_area_size(46)
+        .y_label_area_size(62)
+        .build_cartesian_2d(x, y)
+        .map_err(failed)?;
+    chart
+        .configure_mesh()
+        .x_labels(9)
+        .y_labels(8)
+        .max_light_lines(0)
+        .bold_line_style(GRID)
+        .axis_style(FAINT)
+        .x_desc(x_label)
+        .y_desc(y_label)
+        .label_style(text(12.0, FAINT))
+        .axis_desc_style(text(13.0, INK))
+        .draw()
+        .map_err(failed)?;
+    Ok(chart)
+}
+
+/// A rectangle in pixels.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    x: (f64, f64),
+    y: (f64, f64),
+}
+
+impl Frame {
+    const fn around((x, y): (f64, f64), half_width: f64, half_height: f64) -> Self {
+        Self { x: (x - half_width, x + half_width), y: (y - half_height, y + half_height) }
+    }
+
+    fn overlap(&self, other: &Self) -> f64 {
+        let along = |a: (f64, f64), b: (f64, f64)| (a.1.min(b.1) - a.0.max(b.0)).max(0.0);
+        along(self.x, other.x) * along(self.y, other.y)
+    }
+
+    fn outside(&self, page: &Self) -> f64 {
+        let area = (self.x.1 - self.x.0) * (self.y.1 - self.y.0);
+        area - self.overlap(page)
+    }
+}
+
+/// Finds a place for each label near its point where it covers neither points nor labels.
+/// Returns the middle of each.
+fn place_labels(
+    points: &[(f64, f64)],
+    labels: &[String],
+    size: f64,
+    page: Frame,
+) -> Vec<(f64, f64)> {
+    let mut taken: Vec<Frame> = points.iter().map(|&p| Frame::around(p, 7.0, 7.0)).collect();
+    let mut places = Vec::with_capacity(points.len());
+    for (i, (&(x, y), label)) in points.iter().zip(labels).enumerate() {
+        let half_width = label.chars().count() as f64 * size * GLYPH / 2.0 + 1.0;
+        let half_height = size * 0.6;
+        let mut best: Option<(f64, (f64, f64), Frame)> = None;
+        for ring in 0..7 {
+            for step in 0..16 {
+                // To the right first, then around the point in both directions.
+                let turn = f64::from((step + 1) / 2) * if step % 2 == 0 { 1.0 } else { -1.0 };
+                let angle = turn * std::f64::consts::TAU / 16.0;
+                let reach = 10.0 + 13.0 * f64::from(ring);
+                let centre = (
+                    x + angle.cos() * (reach + half_width),
+                    y + angle.sin() * (reach + half_height * 0.4),
+                );
+                let frame = Frame::around(centre, half_width, half_height);
+                let covered: f64 = taken
+                    .iter()
+                    .enumerate()
+                    .filter(|&(other, _)| other != i)
+                    .map(|(_, other)| frame.overlap(other))
+                    .sum();
+                let penalty = covered * 4.0
+                    + frame.outside(&page) * 8.0
+                    + f64::from(ring) * 12.0
+                    + f64::from(step) * 0.5;
+                if best.as_ref().is_none_or(|(known, ..)| penalty < *known) {
+                    best = Some((penalty, centre, frame));
+                }
+            }
+        }
+        if let Some((_, centre, frame)) = best {
+            taken.push(frame);
+            places.push(centre);
+        }
+    }
+    places
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "saturates; pixels are few")]
+fn pixel((x, y): (f64, f64)) -> (i32, i32) {
+    (x.round() as i32, y.round() as i32)
+}
+
+/// Build time against the mean time of a ray: one point an engine, the front of those that
+/// nothing beats in both drawn through them.
+pub(crate) fn scatter(engines: &[(Engine<'_>, Cost)], mix: &str) -> Result<String> {
+    let nanoseconds = |cost: &Cost| cost.per_ray * 1e6;
+    draw("Build time against trace time", |area| {
+        let x = LogAxis::around(engines.iter().map(|(_, c)| c.once), 0.08);
+        let y = LogAxis::around(engines.iter().map(|(_, c)| nanoseconds(c)), 0.08);
+        let y_label = format!("time per ray, ns ({mix})");
+        let mut chart = chart(area, (x, y), ("mesh to traversable structure, ms", &y_label), 14)?;
+
+        let mut front: Vec<_> = engines
+            .iter()
+            .filter(|(_, a)| {
+                !engines.iter().any(|(_, b)| {
+                    b.once <= a.once
+                        && b.per_ray <= a.per_ray
+                        && (b.once, b.per_ray) != (a.once, a.per_ray)
+                })
+            })
+            .map(|(_, c)| (c.once, nanoseconds(c)))
+            .collect();
+        front.sort_by(|a, b| a.0.total_cmp(&b.0));
+        chart
+            .draw_series(DashedLineSeries::new(front, 4, 4, FAINT.stroke_width(1)))
+            .map_err(failed)?;
+
+        let at: Vec<_> = engines
+            .iter()
+            .map(|(_, c)| {
+                let (x, y) = chart.backend_coord(&(c.once, nanoseconds(c)));
+                (f64::from(x), f64::from(y))
+            })
+            .collect();
+        let labels: Vec<_> = engines.iter().map(|(e, _)| e.label()).collect();
+        let (width, height) = (f64::from(SIZE.0), f64::from(SIZE.1));
+        let page = Frame { x: (72.0, width - 4.0), y: (6.0, height - 56.0) };
+        let places = place_labels(&at, &labels, 12.0, page);
+        for (((engine, _), (&point, &place)), label) in
+            engines.iter().zip(at.iter().zip(&places)).zip(&labels)
+        {
+            let colour = colour(engine.source, engine.builder);
+            let far = (place.0 - point.0).abs() - label.len() as f64 * 12.0 * GLYPH / 2.0;
+            if far.max((place.1 - point.1).abs()) > 22.0 {
+                let line = PathElement::new([pixel(point), pixel(place)], colour.mix(0.5));
+                area.draw(&line).map_err(failed)?;
+            }
+            if engine.is_peers_own() {
+                area.draw(&TriangleMarker::new(pixel(point), 7, colour.filled()))
+                    .map_err(failed)?;
+            } else if engine.source == Source::Niwaki {
+                area.draw(&Circle::new(pixel(point), 5, colour.filled())).map_err(failed)?;
+            } else {
+                area.draw(&Circle::new(pixel(point), 4, colour.stroke_width(2))).map_err(failed)?;
+            }
+            let style = text(12.0, INK).pos(Pos::new(HPos::Center, VPos::Center));
+            area.draw(&Text::new(label.clone(), pixel(place), style)).map_err(failed)?;
+        }
+        Ok(())
+    })
+}
+
+/// The numbers of rays that the curves of total time cover: two decades around where the best
+/// structure changes, or where tracing takes as long as building.
+pub(crate) fn ray_range(costs: &[Cost], intervals: &[Interval]) -> (f64, f64) {
+    let changes = intervals.iter().map(|i| i.from).filter(|&x| x > 0.0);
+    let evens = costs.iter().map(|c| c.once / c.per_ray).filter(|&x| x > 0.0 && x.is_finite());
+    let (low, high) = changes
+        .chain(evens)
+        .fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+    if low > high { (1e3, 1e9) } else { (low / 30.0, high * 10.0) }
+}
+
+/// Evenly spread numbers of rays on a logarithmic axis.
+pub(crate) fn ray_counts((from, to): (f64, f64), count: u32) -> impl Iterator<Item = f64> {
+    (0..count).map(move |i| from * (to / from).powf(f64::from(i) / f64::from(count - 1)))
+}
+
+/// What the curves of total time show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Totals {
+    /// Milliseconds.
+    Absolute,
+    /// Times the best total at that number of rays.
+    Relative,
+}
+
+/// Total time (build and trace) against the number of rays; marks where the best changes.
+pub(crate) fn totals(
+    engines: &[(Engine<'_>, Cost)],
+    intervals: &[Interval],
+    kind: Totals,
+) -> Result<String> {
+    let costs: Vec<_> = engines.iter().map(|(_, c)| *c).collect();
+    let range = ray_range(&costs, intervals);
+    let best = |rays: f64| costs.iter().map(|c| c.total(rays)).fold(f64::INFINITY, f64::min);
+    let value = |cost: &Cost, rays: f64| match kind {
+        Totals::Absolute => cost.total(rays),
+        Totals::Relative => cost.total(rays) / best(rays),
+    };
+    let (y, y_label, description) = match kind {
+        Totals::Absolute => {
+            let ends = costs.iter().flat_map(|c| [c.total(range.0), c.total(range.1)]);
+            (LogAxis::around(ends, 0.03), "build + trace, ms", "Total time against number of rays")
+        }
+        Totals::Relative => (
+            LogAxis::exactly(0.96..4.0),
+            "total time ÷ the best total there",
+            "Total time relative to the best against number of rays",
+        ),
+    };
+    let most = y.range().end;
+    draw(description, |area| {
+        let x = LogAxis::exactly(range.0..range.1);
+        let mut chart = chart(area, (x, y), ("rays traced", y_label), 170)?;
+        let mut ends = Vec::new();
+        for (engine, cost) in engines {
+            let colour = colour(engine.source, engine.builder);
+            let is_best = intervals.iter().any(|i| engines[i.best].0 == *engine);
+            let width = if is_best { 3 } else { 1 };
+            let points: Vec<_> = ray_counts(range, 200)
+                .map(|rays| (rays, value(cost, rays)))
+                .filter(|&(_, y)| y <= most)
+                .collect();
+            if let Some(&(_, y)) = points.last().filter(|(x, _)| *x > range.1 * 0.99) {
+                ends.push((engine, chart.backend_coord(&(range.1, y)).1));
+            } else {
+                // It leaves through the top; name it there, after those that end on the right.
+                ends.push((engine, i32::MIN));
+            }
+            let own = engine.is_peers_own() || engine.source == Source::Niwaki;
+            if own {
+                chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))
+            } else {
+                chart.draw_series(LineSeries::new(points, colour.mix(0.55).stroke_width(width)))
+            }
+            .map_err(failed)?;
+        }
+        for interval in intervals.iter().filter(|i| i.from > 0.0) {
+            let rays = interval.from;
+            let at = chart.backend_coord(&(rays, value(&costs[interval.best], rays)));
+            area.draw(&Circle::new(at, 4, INK.filled())).map_err(failed)?;
+            let (name, style) = (short(rays), text(12.0, INK));
+            let style = style.pos(Pos::new(HPos::Center, VPos::Top));
+            area.draw(&Text::new(name, (at.0, at.1 + 8), style)).map_err(failed)?;
+        }
+        name_ends(area, &mut ends)
+    })
+}
+
+/// Names curves beside their right ends, spread so that no two names overlap.
+fn name_ends(area: &Area<'_>, ends: &mut [(&Engine<'_>, i32)]) -> Result<()> {
+    const STEP: i32 = 16;
+    ends.sort_by_key(|&(_, y)| y);
+    let bottom = i32::try_from(SIZE.1)? - 54;
+    let mut ys: Vec<i32> = Vec::with_capacity(ends.len());
+    for &(_, y) in ends.iter() {
+        let lowest = ys.last().map_or(12, |last| last + STEP);
+        ys.push(y.max(lowest));
+    }
+    let mut limit = bottom;
+    for y in ys.iter_mut().rev() {
+        *y = (*y).min(limit);
+        limit = *y - STEP;
+    }
+    let right = i32::try_from(SIZE.0)? - 168;
+    for ((engine, end), y) in ends.iter().zip(ys) {
+        let colour = colour(engine.source, engine.builder);
+        let from = if *end == i32::MIN { (right, y) } else { (right - 9, *end) };
+        let line =
+            PathElement::new([from, (right + 4, y), (right + 14, y)], colour.stroke_width(2));
+        area.draw(&line).map_err(failed)?;
+        let style = text(12.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
+        area.draw(&Text::new(engine.label(), (right + 18, y), style)).map_err(failed)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::break_even::lower_envelope;
+
+    fn engines() -> Vec<(Engine<'static>, Cost)> {
+        let engine = |builder, kernel, source, once, per_ray| {
+            (Engine { source, builder, kernel }, Cost { once, per_ray })
+        };
+        vec![
+            engine("lbvh", "avx2", Source::Niwaki, 10.0, 8e-4),
+            engine("sweep", "avx2", Source::Niwaki, 200.0, 4e-4),
+            engine("medium", "embree", Source::Embree, 100.0, 3e-4),
+            engine("medium", "avx2", Source::Embree, 130.0, 5e-4),
+        ]
+    }
+
+    #[test]
+    fn plots_name_every_engine_and_follow_the_page() {
+        let engines = engines();
+        let costs: Vec<_> = engines.iter().map(|(_, c)| *c).collect();
+        let intervals = lower_envelope(&costs);
+        for svg in [
+            scatter(&engines, "camera").unwrap(),
+            totals(&engines, &intervals, Totals::Absolute).unwrap(),
+            totals(&engines, &intervals, Totals::Relative).unwrap(),
+        ] {
+            for label in ["lbvh", "sweep", "embree:medium", "embree:medium tree"] {
+                assert!(svg.contains(&format!("\n{label}\n")), "{label} in {svg}");
+            }
+            assert!(svg.contains("var(--ink") && !svg.contains("#01020"));
+            assert!(svg.starts_with("<svg ") && svg.contains("aria-label"));
+        }
+    }
+
+    #[test]
+    fn labels_of_points_that_coincide_are_kept_apart() {
+        let points = [(300.0, 200.0); 6];
+        let labels: Vec<_> = (0..6).map(|i| format!("label {i}")).collect();
+        let page = Frame { x: (0.0, 700.0), y: (0.0, 400.0) };
+        let places = place_labels(&points, &labels, 12.0, page);
+        let frames: Vec<_> = places.iter().map(|&p| Frame::around(p, 24.0, 7.0)).collect();
+        for (i, a) in frames.iter().enumerate() {
+            assert!(frames[..i].iter().all(|b| a.overlap(b) == 0.0), "{places:?}");
+        }
+    }
+
+    #[test]
+    fn the_range_covers_all_changes() {
+        let engines = engines();
+        let costs: Vec<_> = engines.iter().map(|(_, c)| *c).collect();
+        let intervals = lower_envelope(&costs);
+        let (from, to) = ray_range(&costs, &intervals);
+        assert!(intervals.iter().filter(|i| i.from > 0.0).all(|i| from < i.from && i.from < to));
+        let counts: Vec<_> = ray_counts((from, to), 50).collect();
+        assert!((counts[0] - from).abs() < 1e-9 * from && (counts[49] - to).abs() < 1e-9 * to);
+    }
+}

@@ -1,0 +1,512 @@
+//! The results file: `schema: 1`, one row a measurement.
+
+use anyhow::{Context, Result, bail};
+use niwaki_core::SahConstants;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The version of the file's layout that this program writes and reads.
+pub(crate) const SCHEMA: u32 = 1;
+
+/// Everything that one or several runs measured.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub(crate) struct Results {
+    /// [`SCHEMA`].
+    pub(crate) schema: u32,
+    /// The runs that rows refer to by position.
+    pub(crate) runs: Vec<Run>,
+    /// The scenes that rows refer to by name.
+    pub(crate) scenes: Vec<SceneInfo>,
+    /// The measurements.
+    pub(crate) rows: Vec<Row>,
+    /// What could not be measured, and why.
+    #[serde(default)]
+    pub(crate) failures: Vec<Failure>,
+}
+
+/// The header of a run: where and how it was measured.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq)]
+pub(crate) struct Run {
+    /// The computer.
+    pub(crate) machine: Machine,
+    /// Compiler version.
+    pub(crate) rustc: String,
+    /// Compiler flags (`RUSTFLAGS`), profile and optimisation level.
+    pub(crate) flags: String,
+    /// Start, UTC, ISO 8601.
+    pub(crate) date: String,
+    /// Git revision of the working tree, `+` appended where it has changes.
+    pub(crate) revision: Option<String>,
+    /// The numbers of threads of the matrix.
+    pub(crate) threads: Vec<usize>,
+    /// The arguments.
+    pub(crate) arguments: Vec<String>,
+    /// Which part of the matrix, as `K/N`.
+    pub(crate) shard: Option<String>,
+    /// Versions of the peers that took part.
+    pub(crate) peers: Vec<String>,
+    /// At least so many seconds were spent on each trace measurement.
+    pub(crate) seconds_per_measurement: f64,
+}
+
+/// A computer.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq)]
+pub(crate) struct Machine {
+    /// Name of the processor.
+    pub(crate) cpu: String,
+    /// Hardware threads that this process may use.
+    pub(crate) cores: usize,
+    /// Instruction set extensions that matter to the kernels.
+    pub(crate) isa: Vec<String>,
+    /// Operating system and architecture.
+    pub(crate) os: String,
+}
+
+/// A scene.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq)]
+pub(crate) struct SceneInfo {
+    /// As rows name it.
+    pub(crate) name: String,
+    /// Triangles after loading.
+    pub(crate) triangles: usize,
+    /// File name, or `generated`.
+    pub(crate) origin: String,
+    /// Whose work it is and under which licence: shown under pictures.
+    pub(crate) credit: Option<String>,
+    /// What the loader left out, in words.
+    #[serde(default)]
+    pub(crate) dropped: Option<String>,
+    /// A path-traced picture (PNG), relative to the results file.
+    pub(crate) picture: Option<PathBuf>,
+    /// A picture of traversal cost.
+    pub(crate) heat_map: Option<HeatMap>,
+}
+
+/// A false-colour picture of how much work each camera ray took.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub(crate) struct HeatMap {
+    /// The PNG, relative to the results file.
+    pub(crate) picture: PathBuf,
+    /// The builder of the traversed tree.
+    pub(crate) builder: String,
+    /// Boxes and triangles tested per ray: the mean over the picture.
+    pub(crate) mean: f64,
+    /// Boxes and triangles tested per ray at the bright end of the scale.
+    pub(crate) top: f64,
+}
+
+/// A scene or measurement that failed.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub(crate) struct Failure {
+    /// The scene, as given.
+    pub(crate) scene: String,
+    /// The reason.
+    pub(crate) error: String,
+}
+
+/// Whose tree it is.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Source {
+    /// Ours.
+    Niwaki,
+    /// obvhs.
+    Obvhs,
+    /// Embree.
+    Embree,
+}
+
+impl Source {
+    /// All of them.
+    pub(crate) const ALL: [Self; 3] = [Self::Niwaki, Self::Obvhs, Self::Embree];
+
+    /// The name in files and tables.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Niwaki => "niwaki",
+            Self::Obvhs => "obvhs",
+            Self::Embree => "embree",
+        }
+    }
+}
+
+/// One measurement.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub(crate) enum Row {
+    /// A tree was built.
+    Build(BuildRow),
+    /// Rays were traced.
+    Trace(TraceRow),
+}
+
+/// How long a tree took to build, and how good it is.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub(crate) struct BuildRow {
+    /// Position in [`Results::runs`].
+    pub(crate) run: usize,
+    /// The scene's name.
+    pub(crate) scene: String,
+    /// Triangles of the scene.
+    pub(crate) triangles: usize,
+    /// Whose builder.
+    pub(crate) source: Source,
+    /// The builder or preset.
+    pub(crate) builder: String,
+    /// Threads it ran on.
+    pub(crate) threads: usize,
+    /// How often it was timed.
+    pub(crate) repeats: usize,
+    /// From the mesh to the binary tree, median of the repeats, milliseconds.
+    pub(crate) ms_median: f64,
+    /// The fastest repeat.
+    pub(crate) ms_min: f64,
+    /// From the mesh to what our 8-wide kernel traverses, median.
+    pub(crate) ms_wide_median: Option<f64>,
+    /// From the mesh to the peer's own traversable structure, median.
+    pub(crate) ms_commit_median: Option<f64>,
+    /// Primitive references in the leaves.
+    pub(crate) references: usize,
+    /// Nodes of the binary tree.
+    pub(crate) nodes: usize,
+    /// Bytes of the binary tree.
+    pub(crate) bytes: usize,
+    /// Bytes allocated at the peak of a build beyond what was there before, result included, mesh
+    /// not; only where the builder allocates through Rust.
+    pub(crate) peak_bytes: Option<usize>,
+    /// SAH cost; absent where it is not finite.
+    pub(crate) sah: Option<f64>,
+    /// The constants of `sah`.
+    pub(crate) sah_constants: Constants,
+    /// End-point overlap with the same constants; absent where it is not finite.
+    pub(crate) epo: Option<f64>,
+    /// Standard error of `epo`, which is estimated on large scenes; 0 where all triangles count.
+    pub(crate) epo_standard_error: Option<f64>,
+    /// Depth of the deepest leaf; the root has 0.
+    pub(crate) depth: usize,
+}
+
+/// SAH constants.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq)]
+pub(crate) struct Constants {
+    /// C_I.
+    pub(crate) inner: f32,
+    /// C_L.
+    pub(crate) leaf: f32,
+    /// C_T.
+    pub(crate) triangle: f32,
+}
+
+impl From<SahConstants> for Constants {
+    fn from(c: SahConstants) -> Self {
+        Self { inner: c.inner, leaf: c.leaf, triangle: c.triangle }
+    }
+}
+
+/// How fast rays were answered.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub(crate) struct TraceRow {
+    /// Position in [`Results::runs`].
+    pub(crate) run: usize,
+    /// The scene's name.
+    pub(crate) scene: String,
+    /// Triangles of the scene.
+    pub(crate) triangles: usize,
+    /// Whose tree.
+    pub(crate) source: Source,
+    /// The builder or preset of the tree.
+    pub(crate) builder: String,
+    /// Ours by name, or `embree` or `obvhs` where the peer traced its own structure.
+    pub(crate) kernel: String,
+    /// The ray set.
+    pub(crate) rays: String,
+    /// `closest` or `any`.
+    pub(crate) query: String,
+    /// Threads.
+    pub(crate) threads: usize,
+    /// Rays of the set.
+    pub(crate) ray_count: usize,
+    /// How many of them each timed pass traced.
+    pub(crate) timed_rays: usize,
+    /// Timed passes.
+    pub(crate) repeats: usize,
+    /// Rows of a group with the same number were measured in turns. There is more than one where
+    /// not all structures fit into memory at once.
+    pub(crate) batch: usize,
+    /// Median over the passes, million rays per second.
+    pub(crate) mrays_per_s: f64,
+    /// Rays of the whole set that hit.
+    pub(crate) hits: usize,
+    /// Child boxes tested per ray, where the kernel counts.
+    pub(crate) boxes_per_ray: Option<f64>,
+    /// Triangles tested per ray, where the kernel counts.
+    pub(crate) triangles_per_ray: Option<f64>,
+}
+
+/// `x` unless it is NaN or infinite, which JSON has no words for.
+pub(crate) fn finite(x: f64) -> Option<f64> {
+    x.is_finite().then_some(x)
+}
+
+impl Default for Results {
+    fn default() -> Self {
+        Self {
+            schema: SCHEMA,
+            runs: Vec::new(),
+            scenes: Vec::new(),
+            rows: Vec::new(),
+            failures: Vec::new(),
+        }
+    }
+}
+
+impl Results {
+    /// Reads a results file; the paths of its pictures become relative to the working directory.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read results from {}", path.display()))?;
+        let mut results = Self::parse(&text)
+            .with_context(|| format!("{} is not a results file", path.display()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        results.map_pictures(|picture| folder.join(picture));
+        Ok(results)
+    }
+
+    /// Reads results from JSON.
+    pub(crate) fn parse(text: &str) -> Result<Self> {
+        // The schema first, so that a file of another version is named as such rather than by
+        // the first field that it lacks.
+        let value: serde_json::Value = serde_json::from_str(text).context("not JSON")?;
+        match value.get("schema").and_then(serde_json::Value::as_u64) {
+            Some(schema) if schema == u64::from(SCHEMA) => {}
+            Some(other) => bail!("its schema is {other}, but this program reads schema {SCHEMA}"),
+            None => bail!("it has no `schema` number"),
+        }
+        let results: Self = serde_json::from_value(value)?;
+        if let Some(run) = results.rows.iter().map(Row::run).find(|&r| r >= results.runs.len()) {
+            bail!("a row refers to run {run}, but there are {} runs", results.runs.len());
+        }
+        Ok(results)
+    }
+
+    /// Writes the file as a whole or not at all, so that an interrupt leaves the last one.
+    pub(crate) fn write(&self, path: &Path) -> Result<()> {
+        let context = || format!("cannot write results to {}", path.display());
+        let folder = path.parent().unwrap_or(Path::new(""));
+        if !folder.as_os_str().is_empty() {
+            std::fs::create_dir_all(folder).with_context(context)?;
+        }
+        let mut relative = self.clone();
+        relative.map_pictures(|picture| relative_to(folder, picture));
+        let mut json = serde_json::to_string_pretty(&relative)?;
+        json.push('\n');
+        let mut temporary = path.as_os_str().to_owned();
+        temporary.push(".part");
+        std::fs::write(&temporary, json).with_context(context)?;
+        std::fs::rename(&temporary, path).with_context(context)
+    }
+
+    /// Puts the results of several files together, in the order given.
+    pub(crate) fn merge(parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut whole = Self::default();
+        for part in parts {
+            let offset = whole.runs.len();
+            whole.runs.extend(part.runs);
+            whole.failures.extend(part.failures);
+            whole.rows.extend(part.rows.into_iter().map(|row| row.shifted(offset)));
+            for scene in part.scenes {
+                whole.add_scene(scene);
+            }
+        }
+        whole
+    }
+
+    /// Adds a scene, or completes the one of that name and size.
+    pub(crate) fn add_scene(&mut self, scene: SceneInfo) {
+        let known = self
+            .scenes
+            .iter_mut()
+            .find(|known| known.name == scene.name && known.triangles == scene.triangles);
+        match known {
+            Some(known) => {
+                known.picture = known.picture.take().or(scene.picture);
+                known.heat_map = known.heat_map.take().or(scene.heat_map);
+                known.credit = known.credit.take().or(scene.credit);
+            }
+            None => self.scenes.push(scene),
+        }
+    }
+
+    /// The build rows.
+    pub(crate) fn builds(&self) -> impl Iterator<Item = &BuildRow> {
+        self.rows.iter().filter_map(|row| match row {
+            Row::Build(row) => Some(row),
+            Row::Trace(_) => None,
+        })
+    }
+
+    /// The trace rows.
+    pub(crate) fn traces(&self) -> impl Iterator<Item = &TraceRow> {
+        self.rows.iter().filter_map(|row| match row {
+            Row::Trace(row) => Some(row),
+            Row::Build(_) => None,
+        })
+    }
+
+    fn map_pictures(&mut self, map: impl Fn(&Path) -> PathBuf) {
+        for scene in &mut self.scenes {
+            if let Some(picture) = &mut scene.picture {
+                *picture = map(picture);
+            }
+            if let Some(heat_map) = &mut scene.heat_map {
+                heat_map.picture = map(&heat_map.picture);
+            }
+        }
+    }
+}
+
+impl Row {
+    /// Position in [`Results::runs`].
+    pub(crate) const fn run(&self) -> usize {
+        match self {
+            Self::Build(row) => row.run,
+            Self::Trace(row) => row.run,
+        }
+    }
+
+    fn shifted(mut self, offset: usize) -> Self {
+        match &mut self {
+            Self::Build(row) => row.run += offset,
+            Self::Trace(row) => row.run += offset,
+        }
+        self
+    }
+}
+
+/// `path` as seen from `folder`, or absolute where it lies elsewhere.
+fn relative_to(folder: &Path, path: &Path) -> PathBuf {
+    let absolute = |p: &Path| std::path::absolute(p).unwrap_or_else(|_| p.to_path_buf());
+    // An empty path is the working directory, but has no absolute form of its own.
+    let folder = absolute(&Path::new(".").join(folder));
+    let path = absolute(path);
+    path.strip_prefix(&folder).map_or(path.clone(), Path::to_path_buf)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A build row whose times are `ms`, `ms / 2` and `2 ms`.
+    pub(crate) fn build(scene: &str, builder: &str, threads: usize, ms: f64) -> BuildRow {
+        BuildRow {
+            run: 0,
+            scene: scene.into(),
+            triangles: 1000,
+            source: Source::Niwaki,
+            builder: builder.into(),
+            threads,
+            repeats: 3,
+            ms_median: ms,
+            ms_min: ms / 2.0,
+            ms_wide_median: Some(2.0 * ms),
+            ms_commit_median: None,
+            references: 1000,
+            nodes: 999,
+            bytes: 40_000,
+            peak_bytes: Some(100_000),
+            sah: Some(50.0),
+            sah_constants: SahConstants::THESIS_IV.into(),
+            epo: Some(1.0),
+            epo_standard_error: Some(0.0),
+            depth: 20,
+        }
+    }
+
+    /// A trace row.
+    pub(crate) fn trace(scene: &str, builder: &str, threads: usize, mrays: f64) -> TraceRow {
+        TraceRow {
+            run: 0,
+            scene: scene.into(),
+            triangles: 1000,
+            source: Source::Niwaki,
+            builder: builder.into(),
+            kernel: "avx2".into(),
+            rays: "camera".into(),
+            query: "closest".into(),
+            threads,
+            ray_count: 1000,
+            timed_rays: 1000,
+            repeats: 3,
+            batch: 0,
+            mrays_per_s: mrays,
+            hits: 900,
+            boxes_per_ray: None,
+            triangles_per_ray: None,
+        }
+    }
+
+    #[test]
+    fn rows_carry_their_kind_and_survive_a_round_trip() {
+        let results = Results {
+            runs: vec![Run::default()],
+            rows: vec![
+                Row::Build(build("a", "sweep", 1, 1.0)),
+                Row::Trace(trace("a", "sweep", 1, 3.0)),
+            ],
+            ..Results::default()
+        };
+        let json = serde_json::to_string(&results).unwrap();
+        assert!(json.starts_with(r#"{"schema":1,"#), "{json}");
+        assert!(json.contains(r#""kind":"build","#) && json.contains(r#""kind":"trace","#));
+        assert!(json.contains(r#""source":"niwaki""#));
+        assert_eq!(Results::parse(&json).unwrap(), results);
+    }
+
+    #[test]
+    fn files_of_another_kind_are_refused_with_the_reason() {
+        for (text, reason) in [
+            ("{", "not JSON"),
+            ("{}", "no `schema`"),
+            (r#"{"schema": 2}"#, "schema is 2"),
+            (r#"{"schema": 1, "runs": [], "scenes": [], "rows": [7]}"#, "expected"),
+        ] {
+            let error = format!("{:#}", Results::parse(text).unwrap_err());
+            assert!(error.contains(reason), "{error}");
+        }
+        let mut results = Results { runs: vec![Run::default()], ..Results::default() };
+        results.rows.push(Row::Build(BuildRow { run: 1, ..build("a", "sweep", 1, 1.0) }));
+        let json = serde_json::to_string(&results).unwrap();
+        assert!(Results::parse(&json).unwrap_err().to_string().contains("run 1"));
+    }
+
+    #[test]
+    fn merged_rows_keep_their_run() {
+        let part = |name: &str, date: &str| Results {
+            runs: vec![Run { date: date.into(), ..Run::default() }],
+            scenes: vec![SceneInfo { name: name.into(), ..SceneInfo::default() }],
+            rows: vec![Row::Build(build(name, "sweep", 1, 1.0))],
+            ..Results::default()
+        };
+        let mut second = part("b", "2");
+        second.scenes[0].picture = Some("b.png".into());
+        let whole = Results::merge([part("a", "1"), part("b", "1"), second]);
+        assert_eq!(whole.rows.iter().map(Row::run).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(whole.scenes.len(), 2, "the same scene appears once");
+        assert_eq!(whole.scenes[1].picture.as_deref(), Some(Path::new("b.png")));
+    }
+
+    #[test]
+    fn pictures_are_found_from_wherever_the_file_is_read() {
+        let folder = std::env::temp_dir().join(format!("niwaki-results-{}", std::process::id()));
+        let mut results = Results::default();
+        results.add_scene(SceneInfo {
+            picture: Some(folder.join("pictures/a.png")),
+            ..SceneInfo::default()
+        });
+        let file = folder.join("results.json");
+        results.write(&file).unwrap();
+        assert!(std::fs::read_to_string(&file).unwrap().contains(r#""picture": "pictures/a.png""#));
+        assert_eq!(Results::read(&file).unwrap(), results);
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
