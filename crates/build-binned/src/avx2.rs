@@ -6,49 +6,64 @@ use niwaki_core::glam::Vec3;
 use niwaki_core::{AreaScale, PrimRef, SahConstants};
 use std::arch::x86_64::*;
 
+#[inline]
 #[target_feature(enable = "avx2")]
 fn load_prim(p: &PrimRef) -> __m256 {
     // SAFETY: a `PrimRef` is 32 bytes of plain numbers at an address divisible by 32.
     unsafe { _mm256_load_ps(std::ptr::from_ref(p).cast()) }
 }
 
+#[inline]
 #[target_feature(enable = "avx2")]
 fn store_prim(p: &mut PrimRef, v: __m256) {
     // SAFETY: as for `load_prim`; any bits are a valid `PrimRef`.
     unsafe { _mm256_store_ps(std::ptr::from_mut(p).cast(), v) }
 }
 
+#[inline]
 #[target_feature(enable = "avx2")]
 fn load(c: &Corners) -> __m256 {
     // SAFETY: `Corners` is eight floats at an address divisible by 32.
     unsafe { _mm256_load_ps(c.0.as_ptr()) }
 }
 
+#[inline]
 #[target_feature(enable = "avx2")]
 fn store(c: &mut Corners, v: __m256) {
     // SAFETY: as for `load`.
     unsafe { _mm256_store_ps(c.0.as_mut_ptr(), v) }
 }
 
+#[inline]
 #[target_feature(enable = "avx2")]
 fn load_counts(c: &[u32; 4]) -> __m128i {
     // SAFETY: 16 bytes are read, at any address.
     unsafe { _mm_loadu_si128(c.as_ptr().cast()) }
 }
 
+#[inline]
 #[target_feature(enable = "avx2")]
 fn vec3(v: Vec3) -> __m128 {
     _mm_setr_ps(v.x, v.y, v.z, 0.0)
 }
 
-/// Twice the centroid; 0 in the lane of the ids, which as floats would be denormal or NaN.
+/// The coordinates alone. Ids, read as floats, are mostly denormal, and arithmetic on those takes
+/// the processor's slow path: a hundred cycles and more for every primitive.
+#[inline]
 #[target_feature(enable = "avx2")]
-fn centroid2(v: __m256) -> __m128 {
-    let sum = _mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v));
-    _mm_blend_ps::<0b1000>(sum, _mm_setzero_ps())
+fn without_ids(v: __m256) -> __m256 {
+    _mm256_blend_ps::<0b1000_1000>(v, _mm256_setzero_ps())
+}
+
+/// Twice the centroid; 0 in the last lane.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn centroid2(coordinates: __m256) -> __m128 {
+    _mm_add_ps(_mm256_castps256_ps128(coordinates), _mm256_extractf128_ps::<1>(coordinates))
 }
 
 /// The sign bits of lanes 0 to 3.
+#[inline]
 #[target_feature(enable = "avx2")]
 fn low_signs() -> __m256 {
     _mm256_setr_ps(-0.0, -0.0, -0.0, -0.0, 0.0, 0.0, 0.0, 0.0)
@@ -61,7 +76,7 @@ pub(crate) fn fill(bins: &mut Bins, prims: &[PrimRef], mapping: &Mapping) {
     let last = _mm_set1_ps((mapping.bins - 1) as f32);
     let signs = low_signs();
     for p in prims {
-        let v = load_prim(p);
+        let v = without_ids(load_prim(p));
         let position = _mm_mul_ps(_mm_sub_ps(centroid2(v), low), scale);
         // The second operand is the result for NaN.
         let position = _mm_min_ps(_mm_max_ps(position, _mm_setzero_ps()), last);
@@ -80,14 +95,33 @@ pub(crate) fn fill(bins: &mut Bins, prims: &[PrimRef], mapping: &Mapping) {
     }
 }
 
+// No closures here: those that go through `array::map` could not be inlined, because that
+// function is compiled without AVX2.
+
+/// Scaled edge lengths in lanes 0 to 2.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn extent(v: __m256, scale: __m128) -> __m128 {
+    let sum = _mm_add_ps(_mm256_extractf128_ps::<1>(v), _mm256_castps256_ps128(v));
+    _mm_mul_ps(sum, scale)
+}
+
+/// Grows a box for each axis by a bin of that axis.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn grow(boxes: [__m256; 3], bin: &[Corners; 3]) -> [__m256; 3] {
+    [
+        _mm256_max_ps(boxes[0], load(&bin[0])),
+        _mm256_max_ps(boxes[1], load(&bin[1])),
+        _mm256_max_ps(boxes[2], load(&bin[2])),
+    ]
+}
+
 /// Half areas of one box for each axis, in lanes 0 to 2; 0 where `count` is.
+#[inline]
 #[target_feature(enable = "avx2")]
 fn half_areas(boxes: [__m256; 3], count: __m128i, scale: __m128) -> __m128 {
-    let extent = |v: __m256| {
-        let sum = _mm_add_ps(_mm256_extractf128_ps::<1>(v), _mm256_castps256_ps128(v));
-        _mm_mul_ps(sum, scale)
-    };
-    let [a, b, c] = boxes.map(extent);
+    let (a, b, c) = (extent(boxes[0], scale), extent(boxes[1], scale), extent(boxes[2], scale));
     // Transposed: the x of all three boxes, the y, the z.
     let ab = _mm_unpacklo_ps(a, b); // a.x b.x a.y b.y
     let cc = _mm_unpacklo_ps(c, c); // c.x c.x c.y c.y
@@ -111,9 +145,6 @@ pub(crate) fn best(
     let triangle = _mm_set1_ps(sah.triangle);
     let leaf = _mm_set1_ps(sah.leaf);
     let empty = _mm256_set1_ps(f32::NEG_INFINITY);
-    let grow = |boxes: [__m256; 3], bin: &[Corners; 3]| {
-        [0, 1, 2].map(|i| _mm256_max_ps(boxes[i], load(&bin[i])))
-    };
     // For each bin the area from it on, and the number of primitives.
     let mut right = [(_mm_setzero_ps(), _mm_setzero_si128()); MAX_BINS];
     let mut boxes = [empty; 3];
@@ -175,7 +206,7 @@ pub(crate) fn partition(prims: &mut [PrimRef], mapping: &Mapping, split: &Split)
     let mut left = 0;
     for i in 0..prims.len() {
         let v = load_prim(&prims[i]);
-        let centroid = centroid2(v);
+        let centroid = centroid2(without_ids(v));
         let position = _mm_mul_ps(_mm_sub_ps(centroid, low), scale);
         // Not (≥), so that NaN goes where bin 0 goes.
         let below = _mm_movemask_ps(_mm_cmpnge_ps(position, border)) >> split.axis & 1;
