@@ -163,3 +163,33 @@ fn limits_are_errors_before_memory_is_used() {
         Err(LoadError::TooLarge { option: "max_bytes", .. })
     ));
 }
+
+#[test]
+fn buffers_beside_the_file_and_sparse_values() {
+    let folder = Folder::new();
+    folder.file("a square.bin", square());
+    // The first corner moves to the third's place: index 0 and value 2 of the same buffer.
+    let json = square_json(r#"{"mesh":0}"#, "")
+        .replace("\"byteLength\":60", "\"byteLength\":60,\"uri\":\"a%20square.bin\"")
+        .replace(
+            "\"count\":4",
+            r#""count":4,"sparse":{"count":1,
+                "indices":{"bufferView":1,"componentType":5123},
+                "values":{"bufferView":0,"byteOffset":24}}"#,
+        );
+    let scene = load(&folder.file("b.gltf", json.as_bytes())).unwrap();
+    assert_eq!(scene.mesh.triangle(0).v0, Vec3::new(1.0, 1.0, 0.0));
+    assert_eq!(scene.mesh.triangle(0).v1, Vec3::X);
+    let missing = json.replace("a%20square", "gone");
+    let error = load(&folder.file("c.gltf", missing)).unwrap_err().to_string();
+    assert!(error.contains("gone.bin"), "{error}");
+}
+
+#[test]
+fn transforms_out_of_range_drop_their_triangles() {
+    let nodes = r#"{"children":[1,2]},{"mesh":0},{"mesh":0,"scale":[3e38,3e38,1],
+        "translation":[3e38,0,0]}"#;
+    let folder = Folder::new();
+    let scene = load(&folder.file("far.glb", glb(&square_json(nodes, ""), &square()))).unwrap();
+    assert_eq!((scene.mesh.len(), scene.dropped.non_finite_triangles), (2, 2));
+}
