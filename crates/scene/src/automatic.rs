@@ -304,7 +304,8 @@ impl Grid {
             if !band(cell[1], 22, 45) {
                 continue;
             }
-            let score = survey.far * survey.near.min(3.0).sqrt();
+            // A narrow passage is long too, but says little about the scene.
+            let score = survey.far * survey.near.min(4.0);
             if best.is_none_or(|(s, _, _)| score > s) {
                 best = Some((score, *p, survey));
             }
