@@ -5,7 +5,12 @@
 //! cargo run --release -p niwaki-scene --example preview -- path/to/scene.glb out.png
 //! ```
 
-use niwaki_core::glam::{Vec2, Vec3};
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels are small numbers, and converting floats saturates"
+)]
+
+use niwaki_core::glam::{DVec2, Vec2, Vec3};
 use niwaki_scene::{LoadOptions, Scene, generate, load};
 use std::{error::Error, path::Path, time::Instant};
 
@@ -58,7 +63,7 @@ fn draw(scene: &Scene) -> Vec<[u8; 3]> {
         to_srgb(scene.environment.radiance(forward + up * y) * 0.5)
     };
     let mut image: Vec<[u8; 3]> = (0..WIDTH * HEIGHT).map(|i| sky(i / WIDTH)).collect();
-    let mut depth = vec![0.0_f32; WIDTH * HEIGHT];
+    let mut depth = vec![0.0_f64; WIDTH * HEIGHT];
     for (i, triangle) in scene.mesh.triangles().enumerate() {
         let local = triangle.vertices().map(|v| {
             let d = v - camera.position;
@@ -97,22 +102,24 @@ fn draw(scene: &Scene) -> Vec<[u8; 3]> {
     image
 }
 
-fn fill(t: [(Vec2, f32); 3], color: [u8; 3], image: &mut [[u8; 3]], depth: &mut [f32]) {
-    let [(a, za), (b, zb), (c, zc)] = t;
+fn fill(t: [(Vec2, f32); 3], color: [u8; 3], image: &mut [[u8; 3]], depth: &mut [f64]) {
+    let [za, zb, zc] = t.map(|(_, z)| f64::from(z));
+    // Corners just before the camera lie far outside the picture: f32 would cancel.
+    let [a, b, c] = t.map(|(p, _)| p.as_dvec2());
     let area = (b - a).perp_dot(c - a);
-    let low = a.min(b).min(c).max(Vec2::ZERO);
-    let high = a.max(b).max(c).min(Vec2::new(WIDTH as f32 - 1.0, HEIGHT as f32 - 1.0));
+    let low = a.min(b).min(c).max(DVec2::ZERO);
+    let high = a.max(b).max(c).min(DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0));
     if area == 0.0 || !(low.cmple(high).all()) {
         return;
     }
     for y in low.y as usize..=high.y as usize {
         for x in low.x as usize..=high.x as usize {
-            let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
             let u = (p - a).perp_dot(c - a) / area;
             let v = (b - a).perp_dot(p - a) / area;
             let w = 1.0 - u - v;
             let z = w * za + u * zb + v * zc;
-            if u >= 0.0 && v >= 0.0 && w >= 0.0 && z > depth[y * WIDTH + x] {
+            if u.min(v).min(w) >= 0.0 && z > depth[y * WIDTH + x] {
                 depth[y * WIDTH + x] = z;
                 image[y * WIDTH + x] = color;
             }
