@@ -1,5 +1,6 @@
 //! Pieces that scenes are put together from, evaluated in parallel and joined in order.
 
+use super::math::whole;
 use crate::{Camera, Dropped, Environment, Light, Material, Scene};
 use glam::{DMat3, DVec3, Vec3};
 use niwaki_core::{TriangleMesh, to_u32};
@@ -34,6 +35,39 @@ impl Patch {
             self.indices.extend([[a, b, c], [a, c, d]]);
         }
     }
+}
+
+impl Patch {
+    /// Adds another patch behind this one.
+    pub(super) fn append(&mut self, other: &Self) {
+        let base = to_u32(self.positions.len());
+        self.positions.extend_from_slice(&other.positions);
+        self.indices.extend(other.indices.iter().map(|t| t.map(|i| i + base)));
+    }
+}
+
+/// A tube through rings, each a center and a direction, of `around` corners that `surface`
+/// places; it gets center, direction and how far around (0 to 1).
+pub(super) fn rings(
+    rings: &[(DVec3, DVec3)],
+    around: usize,
+    surface: impl Fn(DVec3, DVec3, f64) -> DVec3,
+) -> Patch {
+    let mut patch = Patch::default();
+    for &(center, direction) in rings {
+        patch.positions.extend(
+            (0..around).map(|i| surface(center, direction, i as f64 / around as f64).as_vec3()),
+        );
+    }
+    for ring in 1..rings.len() {
+        let (low, high) = ((ring - 1) * around, ring * around);
+        for i in 0..around {
+            let next = (i + 1) % around;
+            let [a, b, c, d] = [low + i, low + next, high + next, high + i].map(to_u32);
+            patch.indices.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    patch
 }
 
 type Emit = Box<dyn Fn() -> Patch + Send + Sync>;
@@ -120,7 +154,6 @@ impl Plan {
 }
 
 /// A mapped grid; rows are computed in parallel.
-#[expect(clippy::cast_precision_loss, reason = "grid sizes are far below 2^53")]
 fn grid(nu: usize, nv: usize, wrap: Wrap, f: &(impl Fn(f64, f64) -> DVec3 + Sync)) -> Patch {
     let columns = if wrap == Wrap::No { nu + 1 } else { nu };
     let rows = if wrap == Wrap::Both { nv } else { nv + 1 };
@@ -147,14 +180,10 @@ fn grid(nu: usize, nv: usize, wrap: Wrap, f: &(impl Fn(f64, f64) -> DVec3 + Sync
 
 /// Cells of a grid of about `triangles` triangles with `aspect` columns a row, at least `least`.
 pub(super) fn cells(triangles: usize, aspect: f64, least: [usize; 2]) -> [usize; 2] {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "the root of half a triangle count is small and positive"
-    )]
-    let nu = ((triangles as f64 * 0.5 * aspect).max(0.0).sqrt().round() as usize).max(least[0]);
+    let nu = whole((triangles as f64 * 0.5 * aspect).sqrt() + 0.5).max(least[0]);
     let nv = ((triangles + nu) / (2 * nu)).max(least[1]);
+    // Rows are few and long: what they leave is made up by the columns.
+    let nu = ((triangles + nv) / (2 * nv)).max(least[0]);
     [nu, nv]
 }
 
@@ -172,16 +201,15 @@ impl Budget {
     }
 
     /// The share of the next part.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "shares are between 0 and the triangle count"
-    )]
     pub(super) fn share(&mut self, weight: f64) -> usize {
         let share = self.triangles as f64 * (weight / self.weight.max(weight)).clamp(0.0, 1.0);
         self.weight = (self.weight - weight).max(0.0);
-        share as usize
+        whole(share)
+    }
+
+    /// How many triangles are not spent.
+    pub(super) const fn left(&self) -> usize {
+        self.triangles
     }
 
     /// What the part really took.
