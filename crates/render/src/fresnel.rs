@@ -16,6 +16,10 @@ use glam::Vec3;
 /// ```
 #[must_use]
 pub fn dielectric(cosine: f32, eta: f32) -> f32 {
+    // Without a step in the index there is no interface, not even at grazing angles.
+    if eta == 1.0 {
+        return 0.0;
+    }
     let cosine = cosine.clamp(0.0, 1.0);
     let sine_squared = (1.0 - cosine * cosine) / (eta * eta);
     if sine_squared >= 1.0 {
@@ -24,9 +28,7 @@ pub fn dielectric(cosine: f32, eta: f32) -> f32 {
     let beyond = (1.0 - sine_squared).sqrt();
     let parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
     let perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
-    // At grazing incidence with eta = 1 both are 0 / 0: nothing is there to reflect.
-    let share = 0.5 * (parallel * parallel + perpendicular * perpendicular);
-    if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
+    (0.5 * (parallel * parallel + perpendicular * perpendicular)).clamp(0.0, 1.0)
 }
 
 /// The share that a metal reflects whose share at normal incidence is `f0` (Schlick 1994).

@@ -45,16 +45,23 @@ pub const CLEARANCE: f32 = gamma(32);
 #[must_use]
 pub fn offset_origin(point: DVec3, normal: Vec3, reach: f64) -> Vec3 {
     let moved = point + normal.as_dvec3() * (f64::from(CLEARANCE) * reach);
-    let outward = |x: f64, n: f32| {
-        if n > 0.0 {
-            round_up(x)
-        } else if n < 0.0 {
-            round_down(x)
-        } else {
+    let outward = |x: f64, from: f64, n: f32| {
+        if n == 0.0 {
             // Parallel to the plane: either side will do, take the nearest.
             let (low, high) = (round_down(x), round_up(x));
-            if x - f64::from(low) <= f64::from(high) - x { low } else { high }
+            return if x - f64::from(low) <= f64::from(high) - x { low } else { high };
+        }
+        // Far from the origin a tiny clearance vanishes even in `f64`; one step must remain.
+        let rounded = if n > 0.0 { round_up(x) } else { round_down(x) };
+        match (f64::from(rounded) == from, n > 0.0) {
+            (true, true) => rounded.next_up(),
+            (true, false) => rounded.next_down(),
+            (false, _) => rounded,
         }
     };
-    Vec3::new(outward(moved.x, normal.x), outward(moved.y, normal.y), outward(moved.z, normal.z))
+    Vec3::new(
+        outward(moved.x, point.x, normal.x),
+        outward(moved.y, point.y, normal.y),
+        outward(moved.z, point.z, normal.z),
+    )
 }

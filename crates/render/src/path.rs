@@ -434,9 +434,19 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             return Vec3::ZERO;
         }
         let Some(origin) = leave(surface, direction, wi.z > 0.0) else { return Vec3::ZERO };
-        // Short of the light by the error of `t`, so that a light that lies on a surface shines.
-        let reach = distance * (1.0 - CLEARANCE);
-        let ray = Ray::new(origin, direction).with_range(0.0, reach);
+        // Aim anew from the offset origin, and end short of the light by the error of `t`, so that
+        // a light that lies on a surface shines.
+        let ray = if distance.is_finite() {
+            let target = surface.point + direction.as_dvec3() * f64::from(distance);
+            let span = (target - origin.as_dvec3()).as_vec3();
+            let length = span.length();
+            if !(length > 0.0 && span.dot(direction) > 0.0) {
+                return Vec3::ZERO;
+            }
+            Ray::new(origin, span / length).with_range(0.0, length * (1.0 - CLEARANCE))
+        } else {
+            Ray::new(origin, direction)
+        };
         f * irradiance * self.visibility(ray, observer)
     }
 

@@ -62,29 +62,29 @@ fn camera_rays_pass_through_their_pixels_over_the_whole_image() {
     let scene = room();
     let sets = record(&scene, 2000);
     let rays = sets.get("camera").unwrap();
-    // 59 columns × 33 rows is the grid for 2000 rays at 16:9.
+    // The grid for 2000 rays at 16:9: 33 = ⌊√(2000 · 9 / 16)⌋ rows.
     let (width, height) = (60, 33);
     assert_eq!(rays.len(), width as usize * height as usize);
     let view = View::new(&scene.cameras[0], width, height);
+    let mut same = 0;
     for (i, ray) in (0..).zip(rays) {
         let (x, y) = (i % width, i / width);
         let corner = |dx: u32, dy: u32| view.ray(x + dx, y + dy, Vec2::ZERO).direction;
         let centre = view.ray(x, y, Vec2::splat(0.5));
-        let radius = corner(0, 0).distance(corner(1, 1));
+        let radius =
+            corner(0, 0).distance(corner(1, 1)).max(corner(1, 0).distance(corner(0, 1))) * 0.5;
         assert_eq!(ray.origin, centre.origin);
-        assert!(ray.direction.distance(centre.direction) <= 0.51 * radius, "pixel {x} {y}");
-        // So they see what the pinhole sees: nearly the same depth wherever it is continuous.
-        let (a, b) = (scene_hit(&scene, ray), scene_hit(&scene, &centre));
-        if a.1 == b.1 {
-            assert!((a.0 - b.0).abs() < 0.35, "pixel {x} {y}: {} {}", a.0, b.0);
-        }
+        assert!(ray.direction.distance(centre.direction) <= 1.01 * radius, "pixel {x} {y}");
+        // So they see what the pinhole sees, except where an edge crosses the pixel.
+        same += usize::from(hit_prim(&scene, ray) == hit_prim(&scene, &centre));
     }
+    assert!(same * 100 > rays.len() * 85, "{same} of {}", rays.len());
 }
 
-fn scene_hit(scene: &Scene, ray: &Ray) -> (f32, u32) {
+fn hit_prim(scene: &Scene, ray: &Ray) -> u32 {
     let hit = Brute(&scene.mesh).closest_hit(ray);
     assert!(hit.is_hit(), "the room is closed");
-    (hit.t, hit.prim_id)
+    hit.prim_id
 }
 
 #[test]

@@ -9,7 +9,7 @@ use niwaki_render::{Image, PathSettings, PathTracer, RenderStats};
 use niwaki_scene::{Camera, Dropped, Environment, Material, Scene};
 
 /// Answers rays by testing every triangle.
-pub struct Brute<'a>(pub &'a TriangleMesh);
+pub(crate) struct Brute<'a>(pub(crate) &'a TriangleMesh);
 
 impl Intersector for Brute<'_> {
     fn closest_hit(&self, ray: &Ray) -> Hit {
@@ -22,7 +22,7 @@ impl Intersector for Brute<'_> {
 
 /// Geometry with one material a part.
 #[derive(Default)]
-pub struct Parts {
+pub(crate) struct Parts {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
@@ -32,7 +32,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self::default()
     }
 
@@ -49,7 +49,7 @@ impl Parts {
     }
 
     /// A parallelogram from a corner along two edges; the front is where a × b shows.
-    pub fn quad(mut self, corner: Vec3, a: Vec3, b: Vec3, material: &Material) -> Self {
+    pub(crate) fn quad(mut self, corner: Vec3, a: Vec3, b: Vec3, material: &Material) -> Self {
         let id = self.material(material);
         let n = a.cross(b).normalize();
         let v = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -60,7 +60,7 @@ impl Parts {
     }
 
     /// A closed box with its front outside.
-    pub fn cuboid(self, min: Vec3, max: Vec3, material: &Material) -> Self {
+    pub(crate) fn cuboid(self, min: Vec3, max: Vec3, material: &Material) -> Self {
         let e = max - min;
         let (x, y, z) = (Vec3::X * e.x, Vec3::Y * e.y, Vec3::Z * e.z);
         self.quad(min, y, x, material)
@@ -72,7 +72,7 @@ impl Parts {
     }
 
     /// A sphere of 2·n² triangles; `smooth` gives it the normals of the true sphere.
-    pub fn sphere(
+    pub(crate) fn sphere(
         mut self,
         center: Vec3,
         radius: f32,
@@ -110,7 +110,7 @@ impl Parts {
     }
 
     /// The scene, seen by `camera`, in this environment.
-    pub fn scene(self, camera: Camera, environment: Environment) -> Scene {
+    pub(crate) fn scene(self, camera: Camera, environment: Environment) -> Scene {
         Scene {
             name: "test".into(),
             mesh: TriangleMesh::new(self.positions, self.indices).unwrap(),
@@ -128,12 +128,12 @@ impl Parts {
 }
 
 /// A diffuse surface without coat.
-pub fn lambert(albedo: f32) -> Material {
+pub(crate) fn lambert(albedo: f32) -> Material {
     Material { ior: 1.0, ..Material::matte("lambert", Vec3::splat(albedo)) }
 }
 
 /// A camera that sees a cone of this half angle around the direction to `target`.
-pub fn camera(position: Vec3, target: Vec3, fov: f32) -> Camera {
+pub(crate) fn camera(position: Vec3, target: Vec3, fov: f32) -> Camera {
     let up = if (target - position).normalize().y.abs() > 0.9 { Vec3::Z } else { Vec3::Y };
     let mut camera = Camera::look_at(position, target, up, 1.0);
     camera.vertical_fov = fov;
@@ -141,7 +141,7 @@ pub fn camera(position: Vec3, target: Vec3, fov: f32) -> Camera {
 }
 
 /// Renders by brute force and asserts that no path was dropped.
-pub fn render(scene: &Scene, settings: &PathSettings) -> (Image, RenderStats) {
+pub(crate) fn render(scene: &Scene, settings: &PathSettings) -> (Image, RenderStats) {
     let tracer = PathTracer::new(settings.clone());
     let (image, stats) = tracer.render_with(scene, &Brute(&scene.mesh), |_, _| {});
     assert_eq!(stats.dropped_paths, 0, "a path was not finite");
@@ -149,12 +149,12 @@ pub fn render(scene: &Scene, settings: &PathSettings) -> (Image, RenderStats) {
 }
 
 /// Settings for a small square image.
-pub fn settings(size: u32, samples: u32, max_depth: u32) -> PathSettings {
+pub(crate) fn settings(size: u32, samples: u32, max_depth: u32) -> PathSettings {
     PathSettings { width: size, height: size, samples, max_depth, ..PathSettings::default() }
 }
 
 /// Mean over pixels and channels, and its standard error from the spread of the pixels' own means.
-pub fn mean_and_error(image: &Image) -> (f64, f64) {
+pub(crate) fn mean_and_error(image: &Image) -> (f64, f64) {
     let n = image.pixels().len() as f64;
     let values: Vec<f64> =
         image.pixels().iter().map(|p| f64::from(p.element_sum()) / 3.0).collect();
@@ -164,6 +164,6 @@ pub fn mean_and_error(image: &Image) -> (f64, f64) {
 }
 
 /// One triangle as a mesh.
-pub fn single(triangle: Triangle) -> TriangleMesh {
+pub(crate) fn single(triangle: Triangle) -> TriangleMesh {
     TriangleMesh::from_triangles(&[triangle]).unwrap()
 }
