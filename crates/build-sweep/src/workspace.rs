@@ -64,7 +64,7 @@ impl SweepWorkspace {
     /// Bytes that a workspace for trees of up to `count` primitives takes at most.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        let lists = size_of::<PrimRef>() + 12 + 16 + 1 + 4 + 24;
+        let lists = size_of::<PrimRef>() + 12 + 32 + 1 + 4 + 24;
         // A list that doubles its room while a chain as deep as it is long is built.
         let stack = 3 * 12 * count;
         (count + 2 * PAD) * lists + stack + 1024
@@ -131,10 +131,9 @@ impl SweepWorkspace {
 
     fn sort(&mut self) {
         self.make_room(self.prims.len());
-        for (axis, order) in self.order.iter_mut().enumerate() {
-            let order = &mut order[PAD..][..self.prims.len()];
-            self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
-        }
+        let count = self.prims.len();
+        let order = self.order.each_mut().map(|order| &mut order[PAD..PAD + count]);
+        self.keys.sort(&self.prims, order);
     }
 
     fn build_sorted(
