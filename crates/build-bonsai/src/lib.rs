@@ -29,6 +29,7 @@
 
 mod assemble;
 mod mini;
+mod partition;
 mod prune;
 mod select;
 mod source;

@@ -1,9 +1,13 @@
 //! Mini tree selection: midpoints are halved in space (thesis paper IV, section 5.2).
 
+use crate::partition::{partition, partition_parallel};
 use crate::source::Midpoint;
 use niwaki_core::{Aabb, glam::Vec4, layout, to_u32};
 use std::ops::Range;
 use std::sync::Mutex;
+
+/// Sets of more midpoints are split by all threads.
+const SHARED_FROM: usize = 1 << 18;
 
 struct Task<'a> {
     /// The midpoints of this set; `spare` is as long.
@@ -54,17 +58,13 @@ fn halve(task: Task<'_>) -> [Task<'_>; 2] {
     // go left.
     let middle = min * 0.5 + max * 0.5;
     let plane = if middle > min { middle } else { max };
-    let (mut left, mut right) = (0, count);
-    if min < max {
-        for item in task.items.iter() {
-            let is_left = item.center[axis] < plane;
-            // Both are written and one counts: cheaper than a branch that cannot be predicted.
-            task.spare[left] = *item;
-            task.spare[right - 1] = *item;
-            left += usize::from(is_left);
-            right -= usize::from(!is_left);
-        }
-    }
+    // One thread is faster as long as it is not alone: sharing takes two passes.
+    let partition = if count > SHARED_FROM && rayon::current_num_threads() > 1 {
+        partition_parallel
+    } else {
+        partition
+    };
+    let mut left = if min < max { partition(task.items, task.spare, axis, plane) } else { 0 };
     let (items, spare) = if left == 0 || left == count {
         left = count / 2;
         (task.items, task.spare)

@@ -33,6 +33,8 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx2_partition;
 mod kernel;
 mod parallel;
 mod pool;

@@ -1,71 +1,106 @@
 //! Sorts the primitives of one small tree along one axis.
 
+use niwaki_core::PrimRef;
 use niwaki_core::float::sortable_bits;
+use niwaki_core::glam::Vec4;
+use std::ops::RangeInclusive;
 
 /// Memory of [`Keys::sort`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Keys {
-    keys: Vec<u64>,
+    keys: [Vec<u64>; 3],
     spare: Vec<u64>,
 }
 
 const DIGITS: usize = 256;
-/// Below this, counting digits costs more than comparing.
-const RADIX_FROM: usize = 64;
+/// Below this, counting digits costs more than comparing; above, positions need more than 16 bits.
+const RADIX: RangeInclusive<usize> = 64..=1 << 16;
 
 impl Keys {
-    /// Makes room for `count` values.
+    /// Makes room for `count` primitives.
     pub(crate) fn reserve(&mut self, count: usize) {
-        self.keys.clear();
-        self.keys.reserve_exact(count);
-        self.spare.reserve_exact(count.saturating_sub(self.spare.len()));
+        for keys in self.keys.iter_mut().chain([&mut self.spare]) {
+            if keys.len() < count {
+                keys.reserve_exact(count - keys.len());
+                keys.resize(count, 0);
+            }
+        }
     }
 
-    /// Writes the positions of `values` to `order`, lowest value first, equal values by position.
+    /// Writes the positions of `prims` to `order`, sorted along each axis by their centroids,
+    /// equal ones by position. Each order is as long as `prims`.
     ///
-    /// Two passes of a radix sort over values rounded to 16 bits of their range, then an insertion
-    /// sort of the exact values, which finds little to do: rounding keeps the order. Where it does
-    /// find much, because nearly all values lie close together, a comparison sort takes over.
-    pub(crate) fn sort(
-        &mut self,
-        values: impl ExactSizeIterator<Item = f32> + Clone,
-        order: &mut [u32],
-    ) {
-        let count = values.len();
+    /// Two passes of a radix sort over centroids rounded to 16 bits of their range, then an
+    /// insertion sort of the exact values, which finds little to do: rounding keeps the order.
+    /// Where it does find much, because nearly all values lie close together, a comparison sort
+    /// takes over.
+    pub(crate) fn sort(&mut self, prims: &[PrimRef], order: [&mut [u32]; 3]) {
+        let count = prims.len();
         self.reserve(count);
-        let keys = &mut self.keys;
-        if (RADIX_FROM..=1 << 16).contains(&count) {
-            let (min, max) = values
-                .clone()
-                .fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            let steps = 65535.0 / (max - min);
-            let steps = if steps.is_finite() { steps } else { 0.0 };
-            let mut counts = [[0_u32; DIGITS]; 2];
-            keys.extend(values.zip(0_u64..).map(|(value, i)| {
-                #[expect(clippy::cast_possible_truncation, reason = "from 0 to 65535")]
-                #[expect(clippy::cast_sign_loss, reason = "not negative")]
-                let rounded = ((value - min) * steps).min(65535.0) as u32;
-                counts[0][(rounded & 255) as usize] += 1;
-                counts[1][(rounded >> 8) as usize] += 1;
-                u64::from(sortable_bits(value)) << 32 | u64::from(rounded) << 16 | i
-            }));
-            self.spare.resize(self.spare.len().max(count), 0);
-            scatter(keys, &mut self.spare[..count], &mut counts[0], 16);
-            scatter(&self.spare[..count], keys, &mut counts[1], 24);
+        if !RADIX.contains(&count) {
+            for (axis, order) in order.into_iter().enumerate() {
+                let keys = &mut self.keys[axis][..count];
+                for (key, (p, i)) in keys.iter_mut().zip(prims.iter().zip(0_u64..)) {
+                    *key = u64::from(sortable_bits(p.min[axis] + p.max[axis])) << 32 | i;
+                }
+                keys.sort_unstable();
+                #[expect(clippy::cast_possible_truncation, reason = "the low half is the position")]
+                for (order, &key) in order.iter_mut().zip(keys.iter()) {
+                    *order = key as u32;
+                }
+            }
+            return;
+        }
+        let mut counts = self.round(prims);
+        let spare = &mut self.spare[..count];
+        for ((keys, order), [low, high]) in self.keys.iter_mut().zip(order).zip(&mut counts) {
+            let keys = &mut keys[..count];
+            scatter(keys, spare, low, 16);
+            scatter(spare, keys, high, 24);
             if !insertion_sort(keys) {
                 keys.sort_unstable();
             }
             for (order, &key) in order.iter_mut().zip(keys.iter()) {
                 *order = (key & 0xffff) as u32;
             }
-        } else {
-            keys.extend(values.zip(0_u64..).map(|(v, i)| u64::from(sortable_bits(v)) << 32 | i));
-            keys.sort_unstable();
-            #[expect(clippy::cast_possible_truncation, reason = "the low half is the position")]
-            for (order, &key) in order.iter_mut().zip(keys.iter()) {
-                *order = key as u32;
+        }
+    }
+
+    /// Makes the keys, from high to low: the exact centroid, the rounded one, the position.
+    /// Returns how often each of the two digits of the rounded one occurs on each axis.
+    fn round(&mut self, prims: &[PrimRef]) -> [[[u32; DIGITS]; 2]; 3] {
+        // The fourth components are ids and have no meaning as numbers.
+        let corners: &[[Vec4; 2]] = bytemuck::cast_slice(prims);
+        let (mut min, mut max) = ([Vec4::INFINITY; 2], [Vec4::NEG_INFINITY; 2]);
+        for pair in corners.chunks(2) {
+            // Two boxes in turn, because each depends on itself before.
+            for (way, [a, b]) in pair.iter().enumerate() {
+                let centroid2 = *a + *b;
+                min[way] = min[way].min(centroid2);
+                max[way] = max[way].max(centroid2);
             }
         }
+        let (min, max) = (min[0].min(min[1]), max[0].max(max[1]));
+        let steps = Vec4::splat(65535.0) / (max - min);
+        let steps = Vec4::select(steps.is_finite_mask(), steps, Vec4::ZERO);
+        // Adding 2^23 rounds to an integer and leaves it in the low bits. What is not a number
+        // gives bits without meaning, which the exact sort repairs.
+        let magic = Vec4::splat(8_388_608.0);
+        let mut counts = [[[0_u32; DIGITS]; 2]; 3];
+        let [x, y, z] = &mut self.keys;
+        let keys = x.iter_mut().zip(y).zip(z);
+        for (((x, y), z), ([a, b], i)) in keys.zip(corners.iter().zip(0_u64..)) {
+            let centroid2 = *a + *b;
+            let rounded = ((centroid2 - min) * steps + magic).to_array();
+            let exact = centroid2.to_array();
+            for (axis, key) in [x, y, z].into_iter().enumerate() {
+                let rounded = rounded[axis].to_bits() & 0xffff;
+                counts[axis][0][(rounded & 255) as usize] += 1;
+                counts[axis][1][(rounded >> 8) as usize] += 1;
+                *key = u64::from(sortable_bits(exact[axis])) << 32 | u64::from(rounded) << 16 | i;
+            }
+        }
+        counts
     }
 }
 
@@ -101,14 +136,25 @@ fn insertion_sort(keys: &mut [u64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use niwaki_core::{Aabb, glam::Vec3};
     use proptest::prelude::*;
 
     fn check(values: &[f32]) {
-        let mut order = vec![0; values.len()];
-        Keys::default().sort(values.iter().copied(), &mut order);
-        let mut expected: Vec<u32> = (0..u32::try_from(values.len()).unwrap()).collect();
-        expected.sort_by_key(|&i| (sortable_bits(values[i as usize]), i));
-        assert_eq!(order, expected);
+        let prims: Vec<PrimRef> = values
+            .iter()
+            .map(|&v| {
+                let corner = Vec3::new(v, -v, v * 0.5);
+                PrimRef::new(Aabb::new(corner, corner), u32::MAX)
+            })
+            .collect();
+        let mut order = [const { Vec::new() }; 3].map(|_: Vec<u32>| vec![0; values.len()]);
+        let [x, y, z] = &mut order;
+        Keys::default().sort(&prims, [x, y, z]);
+        for (axis, order) in order.iter().enumerate() {
+            let mut expected: Vec<u32> = (0..u32::try_from(values.len()).unwrap()).collect();
+            expected.sort_by_key(|&i| (sortable_bits(prims[i as usize].centroid2()[axis]), i));
+            assert_eq!(*order, expected);
+        }
     }
 
     proptest! {

@@ -1,9 +1,9 @@
 //! The serial engine: one small tree at a time in memory that is reused.
 
-#[cfg(target_arch = "x86_64")]
-use crate::avx2;
 use crate::kernel::{Kernel, PAD, Split, grow};
 use crate::rule::{Decision, SplitRule};
+#[cfg(target_arch = "x86_64")]
+use crate::{avx2, avx2_partition};
 use crate::{scalar, small_sort};
 use niwaki_core::{Aabb, BvhNode, PrimRef, to_u32};
 
@@ -64,7 +64,7 @@ impl SweepWorkspace {
     /// Bytes that a workspace for trees of up to `count` primitives takes at most.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        let lists = size_of::<PrimRef>() + 12 + 16 + 1 + 4 + 24;
+        let lists = size_of::<PrimRef>() + 12 + 32 + 1 + 4 + 24;
         // A list that doubles its room while a chain as deep as it is long is built.
         let stack = 3 * 12 * count;
         (count + 2 * PAD) * lists + stack + 1024
@@ -131,10 +131,9 @@ impl SweepWorkspace {
 
     fn sort(&mut self) {
         self.make_room(self.prims.len());
-        for (axis, order) in self.order.iter_mut().enumerate() {
-            let order = &mut order[PAD..][..self.prims.len()];
-            self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
-        }
+        let count = self.prims.len();
+        let order = self.order.each_mut().map(|order| &mut order[PAD..PAD + count]);
+        self.keys.sort(&self.prims, order);
     }
 
     fn build_sorted(
@@ -246,42 +245,35 @@ impl SweepWorkspace {
     /// other orders, keeping both sides sorted.
     fn partition(&mut self, split: Split, start: usize, end: usize) {
         let (start, end) = (PAD + start, PAD + end);
+        let mut order = self.order.each_mut().map(|order| &mut order[start..]);
+        order.rotate_left(split.axis);
+        let [along, others @ ..] = order;
+        let count = end - start;
         #[cfg(target_arch = "x86_64")]
-        if self.kernel == Kernel::Avx2 && end - start <= 8 {
-            assert!(self.order.iter().all(|order| end + PAD <= order.len()));
-            let mut order = self.order.each_mut().map(|order| order[start..].as_mut_ptr());
-            order.rotate_left(split.axis);
-            let [along, a, b] = order;
-            // SAFETY: as in `sweep`; a node is the same range in all orders.
-            unsafe { avx2::partition_eight(along, [a, b], end - start, split.left) };
+        if self.kernel == Kernel::Avx2 {
+            assert!(others.iter().all(|order| count + PAD <= order.len()));
+            assert!(count + PAD <= self.scratch.len() && along.len() >= count + PAD);
+            let others = others.map(|order| order.as_mut_ptr());
+            // SAFETY: as in `sweep`; a node is the same range in all orders, and `side` has more
+            // than three bytes after the last primitive's.
+            unsafe {
+                if count <= 8 {
+                    avx2_partition::partition_eight(along.as_ptr(), others, count, split.left);
+                    return;
+                }
+                avx2_partition::mark(&along[..count], split.left, self.side.as_mut_ptr());
+                let (side, scratch) = (self.side.as_ptr(), self.scratch.as_mut_ptr());
+                for order in others {
+                    avx2_partition::partition(order, count, side, scratch);
+                }
+            }
             return;
         }
-        let (on_left, on_right) = self.order[split.axis][start..end].split_at(split.left);
-        for &p in on_left {
-            self.side[p as usize] = 0;
+        for (i, &p) in along[..count].iter().enumerate() {
+            self.side[p as usize] = u8::from(i >= split.left);
         }
-        for &p in on_right {
-            self.side[p as usize] = 1;
-        }
-        for axis in [(split.axis + 1) % 3, (split.axis + 2) % 3] {
-            let order = &mut self.order[axis];
-            #[cfg(target_arch = "x86_64")]
-            if self.kernel == Kernel::Avx2 {
-                let count = end - start;
-                assert!(end + PAD <= order.len() && count + PAD <= self.scratch.len());
-                // SAFETY: as in `sweep`; `side` has more than three bytes after the last
-                // primitive's.
-                unsafe {
-                    avx2::partition(
-                        order[start..].as_mut_ptr(),
-                        count,
-                        self.side.as_ptr(),
-                        self.scratch.as_mut_ptr(),
-                    );
-                }
-                continue;
-            }
-            scalar::partition(&mut order[start..end], &mut self.scratch, |p| self.side[p]);
+        for order in others {
+            scalar::partition(&mut order[..count], &mut self.scratch, |p| self.side[p]);
         }
     }
 }
