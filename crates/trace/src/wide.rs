@@ -7,7 +7,7 @@ use crate::{
 #[cfg(target_arch = "x86_64")]
 use crate::{avx2, avx512};
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8};
+use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8, prefer_large_pages};
 use rayon::prelude::*;
 
 /// An 8-wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
@@ -57,6 +57,7 @@ impl WideScene {
         let stack_bound = bvh.stack_bound();
         let (mut nodes, prim_ids) = bvh.into_parts();
         let mut triangles = vec![0.0; WORDS * prim_ids.len() + PADDING];
+        prefer_large_pages(&triangles);
         // The leaves of consecutive nodes have consecutive references: one share of the words per
         // chunk of nodes.
         let mut rest = triangles.as_mut_slice();

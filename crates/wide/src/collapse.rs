@@ -3,6 +3,7 @@
 use crate::{
     Bvh8, Child, CollapseError, Node8,
     counts::{MANY, subtree_counts},
+    memory::prefer_large_pages,
 };
 use niwaki_core::{AreaScale, Bvh, BvhNode, to_u32};
 use rayon::prelude::*;
@@ -104,8 +105,11 @@ struct Collapse<'a> {
 
 impl Collapse<'_> {
     fn run(&self) -> Result<Bvh8, CollapseError> {
+        // Room for twice the nodes that are usual.
+        let mut nodes = Vec::with_capacity(self.bvh.nodes.len() / 6 + 1);
+        prefer_large_pages(nodes.spare_capacity_mut());
         let mut result = Bvh8 {
-            nodes: Vec::with_capacity(self.bvh.nodes.len() / 12 + 1),
+            nodes,
             prim_ids: Vec::with_capacity(self.bvh.prim_ids.len()),
             bounds: Some(self.bvh.bounds()),
             levels: 0,
