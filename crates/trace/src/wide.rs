@@ -35,6 +35,9 @@ pub(crate) const WORDS: usize = 9;
 /// What vectors may read past the end of the last leaf.
 const PADDING: usize = 8;
 
+/// Nodes whose triangles are gathered at once; they fit into the first-level cache.
+const GATHER: usize = 32;
+
 /// Nodes whose leaves one task fills.
 const NODE_CHUNK: usize = 512;
 
@@ -142,17 +145,29 @@ fn fill(
     scale: SceneScale,
 ) -> Result<(), SceneError> {
     let mut rest = words;
-    for node in nodes {
-        for child in node.iter() {
-            let Child::Leaf { first, count } = child else { continue };
+    let mut gathered = Vec::new();
+    for group in nodes.chunks(GATHER) {
+        // Vertices are all over memory: a loop that does nothing but read them keeps many reads
+        // in flight.
+        let first = group[0].first_prim as usize;
+        let count: usize = group.iter().map(|node| node.prim_count as usize).sum();
+        let ids = &prim_ids[first..first + count];
+        if let Some(&prim_id) = ids.iter().find(|&&id| id as usize >= mesh.len()) {
+            return Err(SceneError::NoSuchTriangle { prim_id, triangles: mesh.len() });
+        }
+        gathered.clear();
+        gathered.extend(
+            ids.iter().map(|&id| EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)))),
+        );
+        let mut triangles = gathered.as_slice();
+        for child in group.iter().flat_map(Node8::iter) {
+            let Child::Leaf { count, .. } = child else { continue };
             let n = count as usize;
             let (rows, after) = rest.split_at_mut(WORDS * n);
             rest = after;
-            for (i, &id) in prim_ids[first as usize..][..n].iter().enumerate() {
-                if id as usize >= mesh.len() {
-                    return Err(SceneError::NoSuchTriangle { prim_id: id, triangles: mesh.len() });
-                }
-                let t = EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)));
+            let (leaf, others) = triangles.split_at(n);
+            triangles = others;
+            for (i, t) in leaf.iter().enumerate() {
                 let words = [t.v0, t.e1, t.e2].map(|v| v.to_array());
                 for (row, &word) in words.as_flattened().iter().enumerate() {
                     rows[row * n + i] = word;
