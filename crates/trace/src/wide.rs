@@ -9,13 +9,22 @@ use crate::{avx2, avx512};
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
 use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8, prefer_large_pages};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// An 8-wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
 /// processor has unless [`WideScene::with_kernel`] chooses another.
 ///
-/// Owns a copy of all that it needs.
+/// Owns a copy of all that it needs; clones share it.
 #[derive(Clone, Debug)]
 pub struct WideScene {
+    /// Shared by clones, so that one scene can be traced by several kernels.
+    layout: Arc<Layout>,
+    kernel: Kernel,
+}
+
+/// What the kernels read.
+#[derive(Debug)]
+pub(crate) struct Layout {
     pub(crate) nodes: Vec<Node8>,
     /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z. A leaf
     /// whose first reference is `i` begins at word `9·i`. Whole vectors are read, so lanes past
@@ -26,7 +35,6 @@ pub struct WideScene {
     pub(crate) prim_ids: Vec<u32>,
     pub(crate) scale: SceneScale,
     pub(crate) stack_bound: usize,
-    kernel: Kernel,
 }
 
 /// Words that a triangle takes in [`WideScene::triangles`].
@@ -83,7 +91,8 @@ impl WideScene {
                 }
             });
         }
-        Ok(Self { nodes, triangles, prim_ids, scale, stack_bound, kernel: Kernel::best() })
+        let layout = Arc::new(Layout { nodes, triangles, prim_ids, scale, stack_bound });
+        Ok(Self { layout, kernel: Kernel::best() })
     }
 
     /// The same scene traced by another kernel.
@@ -106,9 +115,9 @@ impl WideScene {
 
     /// Bytes that nodes and triangles take.
     #[must_use]
-    pub const fn bytes(&self) -> usize {
-        size_of::<Node8>() * self.nodes.len()
-            + size_of::<f32>() * (self.triangles.len() + self.prim_ids.len())
+    pub fn bytes(&self) -> usize {
+        size_of::<Node8>() * self.layout.nodes.len()
+            + size_of::<f32>() * (self.layout.triangles.len() + self.layout.prim_ids.len())
     }
 
     /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
@@ -128,11 +137,11 @@ impl WideScene {
     }
 
     fn trace_scalar<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
-        if self.nodes.is_empty() {
+        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
+        if self.layout.nodes.is_empty() {
             return Hit::MISS;
         }
-        setup.finish(scalar::trace::<ANY, C>(self, &setup, counter))
+        setup.finish(scalar::trace::<ANY, C>(&self.layout, &setup, counter))
     }
 }
 
@@ -180,35 +189,35 @@ fn fill(
 
 impl Intersector for WideScene {
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
-        if self.nodes.is_empty() {
+        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
+        if self.layout.nodes.is_empty() {
             return Hit::MISS;
         }
         let hit = match self.kernel {
             // SAFETY: `with_kernel` and `build_from` take available kernels only.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::closest(self, &setup) },
+            Kernel::Avx512 => unsafe { avx512::closest(&self.layout, &setup) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::closest(self, &setup) },
-            _ => scalar::trace::<false, _>(self, &setup, &mut ()),
+            Kernel::Avx2 => unsafe { avx2::closest(&self.layout, &setup) },
+            _ => scalar::trace::<false, _>(&self.layout, &setup, &mut ()),
         };
         setup.finish(hit)
     }
 
     fn any_hit(&self, ray: &Ray) -> bool {
-        let Some(setup) = RaySetup::new(ray, self.scale) else { return false };
-        if self.nodes.is_empty() {
+        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
+        if self.layout.nodes.is_empty() {
             return false;
         }
         match self.kernel {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::any(self, &setup) },
+            Kernel::Avx512 => unsafe { avx512::any(&self.layout, &setup) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::any(self, &setup) },
-            _ => scalar::trace::<true, _>(self, &setup, &mut ()).is_hit(),
+            Kernel::Avx2 => unsafe { avx2::any(&self.layout, &setup) },
+            _ => scalar::trace::<true, _>(&self.layout, &setup, &mut ()).is_hit(),
         }
     }
 }
