@@ -5,7 +5,7 @@ use crate::{
     simd::define_traversal,
     stack::{Heap, UNINIT, room},
     triangle::no_hit,
-    wide::{WORDS, WideScene},
+    wide::{Layout, WORDS},
 };
 use niwaki_core::Hit;
 use niwaki_wide::Node8;

@@ -4,14 +4,14 @@ use crate::{
     counts::Counter,
     setup::{RaySetup, Slabs},
     triangle::{EdgeTriangle, intersect, no_hit, settle},
-    wide::{WORDS, WideScene},
+    wide::{Layout, WORDS},
 };
 use niwaki_core::{Hit, glam::Vec3};
 use niwaki_wide::{Child, Node8};
 
 /// The closest hit in scaled distance, or any if `ANY`. The scene must have nodes.
 pub(crate) fn trace<const ANY: bool, C: Counter>(
-    scene: &WideScene,
+    scene: &Layout,
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
@@ -27,7 +27,7 @@ pub(crate) fn trace<const ANY: bool, C: Counter>(
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "fma")]
 fn traverse_fma<const ANY: bool, C: Counter>(
-    scene: &WideScene,
+    scene: &Layout,
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
@@ -35,11 +35,7 @@ fn traverse_fma<const ANY: bool, C: Counter>(
 }
 
 #[inline(always)]
-fn traverse<const ANY: bool, C: Counter>(
-    scene: &WideScene,
-    setup: &RaySetup,
-    counter: &mut C,
-) -> Hit {
+fn traverse<const ANY: bool, C: Counter>(scene: &Layout, setup: &RaySetup, counter: &mut C) -> Hit {
     let slabs = Slabs::new(setup, scene.scale.magnitude);
     let mut hit = no_hit(setup.t_max);
     let mut stack = Vec::with_capacity(scene.stack_bound.min(64));
@@ -90,7 +86,7 @@ fn entry(node: &Node8, slot: usize, slabs: &Slabs, t_min: f32, t_max: f32) -> Op
 }
 
 #[inline(always)]
-fn intersect_leaf(scene: &WideScene, first: usize, n: usize, setup: &RaySetup, hit: &mut Hit) {
+fn intersect_leaf(scene: &Layout, first: usize, n: usize, setup: &RaySetup, hit: &mut Hit) {
     let rows = &scene.triangles[WORDS * first..WORDS * (first + n)];
     for i in 0..n {
         let vec = |row: usize| {

@@ -1,5 +1,6 @@
 //! Powers of two that keep products of coordinates in the range of `f32`.
 
+use crate::setup::MODERATE;
 use niwaki_core::{Aabb, AreaScale, Triangle};
 
 /// The power of two that a scene's coordinates are multiplied by before anything else, chosen
@@ -13,6 +14,8 @@ pub(crate) struct SceneScale {
     pub(crate) factor: f32,
     /// The largest coordinate of the scaled scene, by magnitude.
     pub(crate) magnitude: f32,
+    /// Nothing is scaled, and no coordinate is over [`MODERATE`].
+    pub(crate) is_moderate: bool,
 }
 
 impl SceneScale {
@@ -23,7 +26,7 @@ impl SceneScale {
         } else {
             (bounds.min.abs().max(bounds.max.abs()) * factor).max_element()
         };
-        Self { factor, magnitude }
+        Self { factor, magnitude, is_moderate: factor == 1.0 && magnitude <= MODERATE }
     }
 
     #[inline]

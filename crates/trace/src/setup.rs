@@ -1,7 +1,7 @@
 //! What a kernel needs of a ray, computed once.
 
 use crate::scale::SceneScale;
-use niwaki_core::{Hit, Ray, glam::Vec3};
+use niwaki_core::{Hit, Ray, glam::Vec3, glam::Vec3A};
 
 /// A ray in the scaled coordinates of a scene, and its way back.
 #[derive(Clone, Copy, Debug)]
@@ -14,48 +14,52 @@ pub(crate) struct RaySetup {
     pub(crate) t_max: f32,
     /// What scaled distances are divided by.
     t_factor: f64,
+    /// Products of its coordinates with the reciprocal direction may overflow.
+    is_extreme: bool,
 }
+
+/// Coordinates up to this, times the reciprocal of the smallest component that a moderate ray can
+/// have, 2⁶⁰·10⁹, stay in the range of `f32`.
+pub(crate) const MODERATE: f32 = 1e10;
 
 impl RaySetup {
     /// `None` for a ray that hits nothing: a NaN or infinite component, a zero direction, an
     /// empty range of `t`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(ray: &Ray, scale: SceneScale) -> Option<Self> {
-        let d = ray.direction.abs();
-        let longest = d.max_element();
-        let origin = ray.origin * scale.factor;
-        // Each comparison is false for NaN; max_element may drop NaN, so sums are checked.
-        let sum = d.x + d.y + d.z;
+        let length = ray.direction.abs();
+        let distance = ray.origin.abs();
         // f32::MAX as the last distance: a hit beyond could not be told from a miss.
-        let t_max = ray.t_max.min(f32::MAX);
+        let t_max = if ray.t_max < f32::MAX { ray.t_max } else { f32::MAX };
         let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
-        let usable = longest > 0.0
-            && longest <= f32::MAX
-            && !sum.is_nan()
-            && origin.is_finite()
-            && t_min <= t_max
-            && !ray.t_min.is_nan()
-            && !ray.t_max.is_nan();
+        // Unit directions, and all others of moderate length, stay as they are. Sums keep NaN,
+        // for which each comparison is false.
+        let moderate = scale.is_moderate
+            && distance.x + distance.y + distance.z <= MODERATE
+            && length.x + length.y + length.z <= 1e9
+            && length.max_element() >= 1e-9
+            && ray.t_min <= ray.t_max
+            && t_min <= t_max;
+        if !moderate {
+            return Self::rescaled(ray, scale, t_min, t_max);
+        }
+        let (origin, direction) = (ray.origin, ray.direction);
+        Some(Self { origin, direction, t_min, t_max, t_factor: 1.0, is_extreme: false })
+    }
+
+    /// Any other ray: brings the longest component of the direction into 1..2.
+    #[cold]
+    fn rescaled(ray: &Ray, scale: SceneScale, t_min: f32, t_max: f32) -> Option<Self> {
+        let longest = ray.direction.abs().max_element();
+        let origin = ray.origin * scale.factor;
+        let usable = origin.is_finite()
+            && ray.direction.is_finite()
+            && longest > 0.0
+            && ray.t_min <= ray.t_max
+            && t_min <= t_max;
         if !usable {
             return None;
         }
-        // Unit directions, and all others of moderate length, stay as they are.
-        if scale.factor == 1.0 && (1e-9..=1e9).contains(&longest) {
-            let direction = ray.direction;
-            return Some(Self { origin, direction, t_min, t_max, t_factor: 1.0 });
-        }
-        Self::rescaled(ray, scale, longest, t_min, t_max)
-    }
-
-    /// Brings the longest component of the direction into 1..2.
-    #[cold]
-    fn rescaled(
-        ray: &Ray,
-        scale: SceneScale,
-        longest: f32,
-        t_min: f32,
-        t_max: f32,
-    ) -> Option<Self> {
         // Denormals are normal in f64, whose range holds every product below.
         let exponent = (f64::from(longest).to_bits() >> 52).cast_signed() - 1023;
         let factor = power_of_two(-exponent);
@@ -64,11 +68,14 @@ impl RaySetup {
         let t_factor = f64::from(scale.factor) / factor;
         let t_min = to_f32(f64::from(t_min) * t_factor);
         let t_max = to_f32(f64::from(t_max) * t_factor).min(f32::MAX);
-        if t_min > t_max {
-            return None;
-        }
-        let origin = ray.origin * scale.factor;
-        Some(Self { origin, direction, t_min, t_max, t_factor })
+        (t_min <= t_max).then_some(Self {
+            origin,
+            direction,
+            t_min,
+            t_max,
+            t_factor,
+            is_extreme: true,
+        })
     }
 
     /// A hit in the ray's own distance.
@@ -103,32 +110,34 @@ fn to_f32(x: f64) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slabs {
     /// Finite and never zero.
-    pub(crate) inverse: Vec3,
+    pub(crate) inverse: Vec3A,
     /// Finite.
-    pub(crate) near_offset: Vec3,
+    pub(crate) near_offset: Vec3A,
     /// Finite.
-    pub(crate) far_offset: Vec3,
+    pub(crate) far_offset: Vec3A,
 }
 
 impl Slabs {
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(ray: &RaySetup, magnitude: f32) -> Self {
         // Twice the bound above, which also covers forming the offsets themselves.
         const PAD: f32 = 4.0 * f32::EPSILON;
         // A component 2⁻⁶⁰ of the longest moves the ray by less than the pad over the whole
         // scene; taking it for smaller ones keeps the reciprocal finite. The sign bit stays, so
         // that −0.0 enters at the upper plane.
-        let least = ray.direction.abs().max_element() * f32::from_bits((127 - 60) << 23);
-        let clamped = ray.direction.abs().max(Vec3::splat(least)).copysign(ray.direction);
-        let inverse = 1.0 / clamped;
-        let offset = -ray.origin * inverse;
-        let pad = (ray.origin.abs() + magnitude) * inverse.abs() * PAD;
-        // Finite limits keep ∞ − ∞ out of the test of empty slots.
-        let limit = Vec3::splat(f32::MAX);
-        Self {
-            inverse,
-            near_offset: (offset - pad).max(-limit).min(limit),
-            far_offset: (offset + pad).max(-limit).min(limit),
+        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+        let length = direction.abs();
+        let least = length.max_element() * f32::from_bits((127 - 60) << 23);
+        let inverse = length.max(Vec3A::splat(least)).recip().copysign(direction);
+        let offset = origin * -inverse;
+        let pad = (origin.abs() + magnitude) * inverse.abs() * PAD;
+        let (mut near_offset, mut far_offset) = (offset - pad, offset + pad);
+        if ray.is_extreme {
+            // Finite limits keep ∞ − ∞ out of the test of empty slots.
+            let limit = Vec3A::splat(f32::MAX);
+            near_offset = near_offset.max(-limit).min(limit);
+            far_offset = far_offset.max(-limit).min(limit);
         }
+        Self { inverse, near_offset, far_offset }
     }
 }

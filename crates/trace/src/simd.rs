@@ -141,6 +141,23 @@ macro_rules! define_traversal {
             _mm256_cvtss_f32(_mm256_permutevar8x32_ps(v, _mm256_set1_epi32(i.cast_signed())))
         }
 
+        /// Fetches a child that will be visited soon: most rays in large scenes wait for memory.
+        #[target_feature(enable = $features)]
+        #[inline]
+        fn prefetch(nodes: *const u8, triangles: *const f32, word: u32) {
+            let leaf = triangles.wrapping_add(WORDS * (word & ((1 << 28) - 1)) as usize).cast();
+            let node = nodes.wrapping_add(word as usize * size_of::<Node8>());
+            let address: *const i8 = if word.cast_signed() < 0 { leaf } else { node.cast() };
+            // SAFETY: prefetching reads nothing and cannot fault.
+            #[allow(unused_unsafe, reason = "safe since Rust 1.90 or later, unsafe before")]
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(address);
+                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64));
+                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(128));
+                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(192));
+            }
+        }
+
         /// Sorts all lanes upwards, as signed integers, by a bitonic network.
         #[target_feature(enable = $features)]
         #[inline]
@@ -165,7 +182,7 @@ macro_rules! define_traversal {
         /// # Safety
         /// The processor must have the instructions, and the scene nodes.
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn closest(scene: &WideScene, setup: &RaySetup) -> Hit {
+        pub(crate) unsafe fn closest(scene: &Layout, setup: &RaySetup) -> Hit {
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -209,6 +226,12 @@ macro_rules! define_traversal {
                     // The permutation reads the three lowest bits: the lane.
                     let near_first = _mm256_permutevar8x32_epi32(children, keys);
                     word = _mm256_cvtsi256_si32(near_first).cast_unsigned();
+                    let lane = _mm256_extract_epi32::<1>(near_first).cast_unsigned();
+                    prefetch(nodes, triangles, lane);
+                    if mask.count_ones() > 2 {
+                        let lane = _mm256_extract_epi32::<2>(near_first).cast_unsigned();
+                        prefetch(nodes, triangles, lane);
+                    }
                     // All but the nearest, the farthest first.
                     let left = mask.count_ones() - 1;
                     let reverse = _mm256_sub_epi32(_mm256_set1_epi32(left.cast_signed()), lane_ids);
@@ -248,8 +271,11 @@ macro_rules! define_traversal {
                     // SAFETY: an entry that was stored.
                     let key = unsafe { *stack_key.add(depth) };
                     if key <= last_key {
-                        // SAFETY: as above.
-                        word = unsafe { *stack_child.add(depth) };
+                        // SAFETY: as above, and the first entry, which was stored as well.
+                        unsafe {
+                            word = *stack_child.add(depth);
+                            prefetch(nodes, triangles, *stack_child.add(depth.saturating_sub(1)));
+                        }
                         break;
                     }
                 }
@@ -265,7 +291,7 @@ macro_rules! define_traversal {
         /// # Safety
         /// As for [`closest`].
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn any(scene: &WideScene, setup: &RaySetup) -> bool {
+        pub(crate) unsafe fn any(scene: &Layout, setup: &RaySetup) -> bool {
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -297,8 +323,11 @@ macro_rules! define_traversal {
                     return false;
                 }
                 depth -= 1;
-                // SAFETY: an entry that was stored.
-                word = unsafe { *stack.add(depth) };
+                // SAFETY: entries that were stored.
+                unsafe {
+                    word = *stack.add(depth);
+                    prefetch(nodes, triangles, *stack.add(depth.saturating_sub(1)));
+                }
             }
         }
     };

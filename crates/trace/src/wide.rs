@@ -7,15 +7,24 @@ use crate::{
 #[cfg(target_arch = "x86_64")]
 use crate::{avx2, avx512};
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8};
+use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8, prefer_large_pages};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// An 8-wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
 /// processor has unless [`WideScene::with_kernel`] chooses another.
 ///
-/// Owns a copy of all that it needs.
+/// Owns a copy of all that it needs; clones share it.
 #[derive(Clone, Debug)]
 pub struct WideScene {
+    /// Shared by clones, so that one scene can be traced by several kernels.
+    layout: Arc<Layout>,
+    kernel: Kernel,
+}
+
+/// What the kernels read.
+#[derive(Debug)]
+pub(crate) struct Layout {
     pub(crate) nodes: Vec<Node8>,
     /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z. A leaf
     /// whose first reference is `i` begins at word `9·i`. Whole vectors are read, so lanes past
@@ -26,7 +35,6 @@ pub struct WideScene {
     pub(crate) prim_ids: Vec<u32>,
     pub(crate) scale: SceneScale,
     pub(crate) stack_bound: usize,
-    kernel: Kernel,
 }
 
 /// Words that a triangle takes in [`WideScene::triangles`].
@@ -34,6 +42,9 @@ pub(crate) const WORDS: usize = 9;
 
 /// What vectors may read past the end of the last leaf.
 const PADDING: usize = 8;
+
+/// Nodes whose triangles are gathered at once; they fit into the first-level cache.
+const GATHER: usize = 32;
 
 /// Nodes whose leaves one task fills.
 const NODE_CHUNK: usize = 512;
@@ -57,6 +68,7 @@ impl WideScene {
         let stack_bound = bvh.stack_bound();
         let (mut nodes, prim_ids) = bvh.into_parts();
         let mut triangles = vec![0.0; WORDS * prim_ids.len() + PADDING];
+        prefer_large_pages(&triangles);
         // The leaves of consecutive nodes have consecutive references: one share of the words per
         // chunk of nodes.
         let mut rest = triangles.as_mut_slice();
@@ -79,7 +91,8 @@ impl WideScene {
                 }
             });
         }
-        Ok(Self { nodes, triangles, prim_ids, scale, stack_bound, kernel: Kernel::best() })
+        let layout = Arc::new(Layout { nodes, triangles, prim_ids, scale, stack_bound });
+        Ok(Self { layout, kernel: Kernel::best() })
     }
 
     /// The same scene traced by another kernel.
@@ -102,9 +115,9 @@ impl WideScene {
 
     /// Bytes that nodes and triangles take.
     #[must_use]
-    pub const fn bytes(&self) -> usize {
-        size_of::<Node8>() * self.nodes.len()
-            + size_of::<f32>() * (self.triangles.len() + self.prim_ids.len())
+    pub fn bytes(&self) -> usize {
+        size_of::<Node8>() * self.layout.nodes.len()
+            + size_of::<f32>() * (self.layout.triangles.len() + self.layout.prim_ids.len())
     }
 
     /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
@@ -124,11 +137,11 @@ impl WideScene {
     }
 
     fn trace_scalar<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
-        if self.nodes.is_empty() {
+        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
+        if self.layout.nodes.is_empty() {
             return Hit::MISS;
         }
-        setup.finish(scalar::trace::<ANY, C>(self, &setup, counter))
+        setup.finish(scalar::trace::<ANY, C>(&self.layout, &setup, counter))
     }
 }
 
@@ -141,17 +154,29 @@ fn fill(
     scale: SceneScale,
 ) -> Result<(), SceneError> {
     let mut rest = words;
-    for node in nodes {
-        for child in node.iter() {
-            let Child::Leaf { first, count } = child else { continue };
+    let mut gathered = Vec::new();
+    for group in nodes.chunks(GATHER) {
+        // Vertices are all over memory: a loop that does nothing but read them keeps many reads
+        // in flight.
+        let first = group[0].first_prim as usize;
+        let count: usize = group.iter().map(|node| node.prim_count as usize).sum();
+        let ids = &prim_ids[first..first + count];
+        if let Some(&prim_id) = ids.iter().find(|&&id| id as usize >= mesh.len()) {
+            return Err(SceneError::NoSuchTriangle { prim_id, triangles: mesh.len() });
+        }
+        gathered.clear();
+        gathered.extend(
+            ids.iter().map(|&id| EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)))),
+        );
+        let mut triangles = gathered.as_slice();
+        for child in group.iter().flat_map(Node8::iter) {
+            let Child::Leaf { count, .. } = child else { continue };
             let n = count as usize;
             let (rows, after) = rest.split_at_mut(WORDS * n);
             rest = after;
-            for (i, &id) in prim_ids[first as usize..][..n].iter().enumerate() {
-                if id as usize >= mesh.len() {
-                    return Err(SceneError::NoSuchTriangle { prim_id: id, triangles: mesh.len() });
-                }
-                let t = EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)));
+            let (leaf, others) = triangles.split_at(n);
+            triangles = others;
+            for (i, t) in leaf.iter().enumerate() {
                 let words = [t.v0, t.e1, t.e2].map(|v| v.to_array());
                 for (row, &word) in words.as_flattened().iter().enumerate() {
                     rows[row * n + i] = word;
@@ -164,35 +189,35 @@ fn fill(
 
 impl Intersector for WideScene {
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
-        if self.nodes.is_empty() {
+        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
+        if self.layout.nodes.is_empty() {
             return Hit::MISS;
         }
         let hit = match self.kernel {
             // SAFETY: `with_kernel` and `build_from` take available kernels only.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::closest(self, &setup) },
+            Kernel::Avx512 => unsafe { avx512::closest(&self.layout, &setup) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::closest(self, &setup) },
-            _ => scalar::trace::<false, _>(self, &setup, &mut ()),
+            Kernel::Avx2 => unsafe { avx2::closest(&self.layout, &setup) },
+            _ => scalar::trace::<false, _>(&self.layout, &setup, &mut ()),
         };
         setup.finish(hit)
     }
 
     fn any_hit(&self, ray: &Ray) -> bool {
-        let Some(setup) = RaySetup::new(ray, self.scale) else { return false };
-        if self.nodes.is_empty() {
+        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
+        if self.layout.nodes.is_empty() {
             return false;
         }
         match self.kernel {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::any(self, &setup) },
+            Kernel::Avx512 => unsafe { avx512::any(&self.layout, &setup) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::any(self, &setup) },
-            _ => scalar::trace::<true, _>(self, &setup, &mut ()).is_hit(),
+            Kernel::Avx2 => unsafe { avx2::any(&self.layout, &setup) },
+            _ => scalar::trace::<true, _>(&self.layout, &setup, &mut ()).is_hit(),
         }
     }
 }
