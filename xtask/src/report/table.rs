@@ -1,6 +1,6 @@
 //! A table that can be printed, written as CSV and put into HTML.
 
-use comfy_table::{CellAlignment, ContentArrangement, Table as Printed, presets};
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table as Printed, presets};
 use std::fmt::Write as _;
 
 /// What a cell holds.
@@ -77,7 +77,8 @@ impl Table {
         Self { name: name.into(), columns: Vec::new(), rows: Vec::new() }
     }
 
-    /// Adds a column whose decimals follow from its numbers.
+    /// Adds a column whose decimals follow from its numbers. Line breaks in names keep columns
+    /// narrow; CSV files have spaces instead.
     pub(crate) fn column(mut self, name: impl Into<String>, best: Best) -> Self {
         self.columns.push(Column { name: name.into(), best, digits: None });
         self
@@ -150,7 +151,8 @@ impl Table {
     /// Lines for a terminal.
     pub(crate) fn to_text(&self) -> String {
         let mut table = Printed::new();
-        table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+        let line = || LineStyle::none().fill('─').junction('─');
+        table.load_style(presets::NOTHING.header_separator(line()).bottom_border(line()));
         // A table that is cut at the terminal's edge no longer lines up; let it run over.
         table.set_content_arrangement(ContentArrangement::Disabled);
         table.set_header(self.columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>());
@@ -173,7 +175,7 @@ impl Table {
     /// Comma-separated values, numbers in full.
     pub(crate) fn to_csv(&self) -> anyhow::Result<String> {
         let mut writer = csv::Writer::from_writer(Vec::new());
-        writer.write_record(self.columns.iter().map(|c| c.name.as_str()))?;
+        writer.write_record(self.columns.iter().map(|c| c.name.replace('\n', " ")))?;
         for row in &self.rows {
             writer.write_record(row.iter().map(|cell| match cell {
                 Cell::Text(text) => text.clone(),
