@@ -49,7 +49,12 @@ update_lists() {
 
 is_installed() { [ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]; }
 # A package is available if apt names a version that it would install.
-is_available() { apt-cache policy "$1" 2>/dev/null | grep -Eq '^ *Candidate: [0-9]'; }
+# (Not by a pipe into grep -q, whose early end would fail the pipe under pipefail.)
+is_available() {
+    local policy
+    policy="$(LC_ALL=C apt-cache policy "$1" 2>/dev/null)" || return 1
+    [[ "$policy" =~ Candidate:\ [0-9] ]]
+}
 
 install_package() {
     say "installing $1"

@@ -34,7 +34,7 @@ for example in crates/*/examples/*.rs; do
   crate=$(basename "$(dirname "$(dirname "$example")")")
   name=$(basename "$example" .rs)
   echo "--- niwaki-$crate: $name"
-  cargo run --quiet --release --locked -p "niwaki-$crate" --example "$name" > /dev/null
+  cargo run --quiet --locked -p "niwaki-$crate" --example "$name" > /dev/null
 done
 
 step "benchmark, small"

@@ -20,6 +20,8 @@ pub(crate) enum Command {
     Bench(Box<BenchArgs>),
     /// Merge results files into one report.
     Report(ReportArgs),
+    /// Check every builder and kernel against brute force, Embree and obvhs.
+    Verify(VerifyArgs),
 }
 
 const BENCH_EXAMPLES: &str = "\
@@ -222,4 +224,62 @@ mod tests {
             assert!(Cli::try_parse_from([&["xtask", "bench"], bad].concat()).is_err(), "{bad:?}");
         }
     }
+}
+
+const VERIFY_EXAMPLES: &str = "\
+Examples:
+  cargo xtask verify
+      Hard cases and the procedural scenes.
+  cargo xtask verify --scene model.glb --scene city:1M
+      Also a scene of your own, and a procedural one of a million triangles.
+  cargo xtask verify --scenes models --no-hard-cases
+      Every scene below a folder.
+  cargo xtask verify --quick
+      A smaller run of everything, for continuous integration.
+
+docs/verify.md says what is proved and how disagreements are settled.
+
+The exit code is 1 if anything is settled as `ours wrong`, invalid or not deterministic, or if a
+scene cannot be loaded.";
+
+/// Arguments of `cargo xtask verify`.
+///
+/// Trees are validated and built on 1, 2, 3 and 8 threads, which must give the same bytes. Hits are
+/// compared with brute force on the catalogue of hard cases, and with the peers on full scenes.
+/// Every disagreement is settled in exact arithmetic as tie, rounding, peer wrong or ours wrong.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = VERIFY_EXAMPLES)]
+pub struct VerifyArgs {
+    /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
+    /// may be repeated [default: all procedural scenes]
+    #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
+    pub scenes: Vec<String>,
+
+    /// All files below a folder that can be loaded
+    #[arg(long = "scenes", value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+
+    /// Our builders to check, separated by commas [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    pub builders: Vec<String>,
+
+    /// Rays a scene, of all kinds together [default: 1M, with --quick 50k]
+    #[arg(long, value_parser = parse_count, value_name = "COUNT")]
+    pub rays: Option<usize>,
+
+    /// Seed of procedural scenes and rays
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+
+    /// Smaller procedural scenes and fewer rays
+    #[arg(long)]
+    pub quick: bool,
+
+    /// Leave the hard cases out
+    #[arg(long)]
+    pub no_hard_cases: bool,
+
+    /// Folder for verify.json
+    #[arg(long, default_value = "out/verify", value_name = "DIR")]
+    pub out: PathBuf,
 }

@@ -8,6 +8,7 @@ mod registry;
 mod report;
 mod results;
 mod scenes;
+mod verify;
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -16,6 +17,7 @@ fn main() -> ExitCode {
     let outcome = match cli::Cli::parse().command {
         cli::Command::Bench(args) => bench::run(&args),
         cli::Command::Report(args) => report::run(&args),
+        cli::Command::Verify(args) => verify::run(&args),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");

@@ -17,9 +17,20 @@
 //!
 //! There are no feature flags.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod bins;
+mod kernel;
+mod parallel;
 mod top_down;
 
+#[cfg(test)]
+#[path = "../../build-median/tests/support/mod.rs"]
+mod support;
+#[cfg(test)]
+mod tests;
+
+use kernel::Kernel;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh};
 
 /// The binned SAH builder.
@@ -41,6 +52,13 @@ impl Default for Binned {
 }
 
 impl Binned {
+    /// The bins per axis of a node over `count` primitives: [`Binned::bins`], or fewer where there
+    /// are so few primitives that most bins would be empty.
+    #[must_use]
+    pub fn bins_for(&self, count: usize) -> usize {
+        self.bins.min(4 + count / 2)
+    }
+
     fn check(&self) -> Result<(), BuildError> {
         let bad = |setting, value, remedy| Err(BuildError::BadSetting { setting, value, remedy });
         if !(2..=bins::MAX_BINS).contains(&self.bins) {
@@ -64,15 +82,20 @@ impl Builder for Binned {
 
     fn build(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
         self.check()?;
-        top_down::build(prims.to_vec(), self)
+        top_down::build(prims.to_vec(), self, Kernel::fastest())
     }
 
     fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
         self.check()?;
-        top_down::build(mesh.prim_refs(), self)
+        top_down::build(mesh.prim_refs(), self, Kernel::fastest())
     }
 
     fn memory_bound(&self, count: usize) -> usize {
         top_down::memory_bound(count)
     }
 }
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -15,6 +15,9 @@ struct Place<'a> {
     ids_out: &'a mut [u32],
 }
 
+/// Memory that a root takes while trees are put together.
+pub(crate) const PLACE_BYTES: usize = size_of::<Place<'_>>();
+
 impl Place<'_> {
     fn moved(&self, node: &BvhNode) -> BvhNode {
         let first = if node.is_leaf() {

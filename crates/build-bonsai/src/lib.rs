@@ -36,7 +36,7 @@ mod timings;
 
 pub use timings::Timings;
 
-use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree};
+use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree, tree_memory_bound};
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
 };
@@ -90,6 +90,7 @@ impl Bonsai {
 
     /// The paper's *Bonsai*: mini trees of up to 512 triangles, no pruning. The fastest build.
     #[must_use]
+    #[expect(clippy::self_named_constructors, reason = "the paper's name for this preset")]
     pub fn bonsai() -> Self {
         Self {
             mini_tree_size: 512,
@@ -166,10 +167,11 @@ impl Bonsai {
         let (midpoints, scale) = source::midpoints(source);
         let rule = rule.with_scale(scale);
         timings.midpoints = clock.lap();
-        let (mut ids, groups) = select::select(midpoints, self.mini_tree_size as usize);
+        let size = (self.mini_tree_size as usize).min(count);
+        let (mut ids, groups) = select::select(midpoints, size);
         timings.selection = clock.lap();
         let mut nodes: Vec<BvhNode> = bytemuck::zeroed_vec(2 * count);
-        let minis = mini::build(source, &rule, self.kernel, &groups, &mut ids, &mut nodes);
+        let minis = mini::build(source, &rule, self.kernel, size, &groups, &mut ids, &mut nodes);
         timings.mini_trees = clock.lap();
         let roots = prune::roots(&minis, &nodes, self.pruning, scale);
         timings.pruning = clock.lap();
@@ -210,8 +212,19 @@ impl Builder for Bonsai {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        let workspaces =
-            rayon::current_num_threads() * SweepWorkspace::bytes(self.mini_tree_size as usize);
-        count * 400 + workspaces + 4096
+        // Slots for the nodes of mini trees, and ids.
+        let minis = 68 * count;
+        let largest = (self.mini_tree_size as usize).min(count);
+        let workspaces = 2 * rayon::current_num_threads() * SweepWorkspace::bytes(largest);
+        // If pruning cuts everything into single triangles: a root for each, then either the top
+        // tree with its references, or the top tree and the places and nodes of the result.
+        let roots = size_of::<prune::Root>() * count;
+        let top = size_of::<PrimRef>() * count + tree_memory_bound(count);
+        let assembly = (68 + assemble::PLACE_BYTES + 68) * count;
+        minis + (roots + top.max(assembly)).max(workspaces) + 65536
     }
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

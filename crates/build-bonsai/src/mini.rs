@@ -1,11 +1,10 @@
 //! Mini trees: one sweep tree a group (thesis paper IV, section 5.3).
 
 use crate::source::Source;
-use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace};
+use niwaki_build_sweep::{Kernel, SplitRule, WorkspacePool};
 use niwaki_core::{BvhNode, to_u32};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Mutex;
 
 /// A mini tree. Its nodes start at slot `2·prims.start` of the common array and name each other
 /// relative to that; its leaves name places in the common list of ids.
@@ -17,11 +16,12 @@ pub(crate) struct MiniTree {
 }
 
 /// Builds the tree of every group: `ids` goes in by group and comes out in leaf order, `nodes` has
-/// two slots for each primitive.
+/// two slots for each primitive, and no group is larger than `size`.
 pub(crate) fn build<S: Source + ?Sized>(
     source: &S,
     rule: &SplitRule,
     kernel: Kernel,
+    size: usize,
     groups: &[Range<u32>],
     ids: &mut [u32],
     nodes: &mut [BvhNode],
@@ -34,13 +34,12 @@ pub(crate) fn build<S: Source + ?Sized>(
         tasks.push((group.clone(), ids_here, nodes_here));
         (ids, nodes) = (ids_after, nodes_after);
     }
-    let pool = Pool { free: Mutex::new(Vec::new()), kernel };
+    let pool = WorkspacePool::new(kernel, size);
     tasks
         .into_par_iter()
         .map_init(
             || pool.take(),
-            |lent, (prims, ids, nodes)| {
-                let workspace = &mut lent.workspace;
+            |workspace, (prims, ids, nodes)| {
                 workspace.prims.clear();
                 workspace.prims.extend(ids.iter().map(|&id| source.prim(id)));
                 let nodes = to_u32(workspace.build(rule, nodes, ids, prims.start as usize));
@@ -48,32 +47,4 @@ pub(crate) fn build<S: Source + ?Sized>(
             },
         )
         .collect()
-}
-
-/// Workspaces that are not in use: rayon asks for more states than there are threads, one after
-/// the other.
-struct Pool {
-    free: Mutex<Vec<SweepWorkspace>>,
-    kernel: Kernel,
-}
-
-struct Lent<'a> {
-    workspace: SweepWorkspace,
-    pool: &'a Pool,
-}
-
-impl Pool {
-    fn take(&self) -> Lent<'_> {
-        let free = self.free.lock().ok().and_then(|mut free| free.pop());
-        Lent { workspace: free.unwrap_or_else(|| SweepWorkspace::new(self.kernel)), pool: self }
-    }
-}
-
-impl Drop for Lent<'_> {
-    fn drop(&mut self) {
-        let empty = SweepWorkspace::new(self.pool.kernel);
-        if let Ok(mut free) = self.pool.free.lock() {
-            free.push(std::mem::replace(&mut self.workspace, empty));
-        }
-    }
 }

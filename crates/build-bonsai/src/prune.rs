@@ -28,15 +28,17 @@ pub(crate) fn roots(
 ) -> Vec<Root> {
     let area = |mini: &MiniTree| nodes[2 * mini.prims.start as usize].aabb().half_area(scale);
     let threshold = threshold(pruning, minis.iter().map(|mini| f64::from(area(mini))));
-    minis
-        .par_iter()
-        .with_min_len(16)
-        .flat_map_iter(|mini| {
-            let mut found = Vec::new();
-            cut(mini, nodes, threshold, scale, &mut found);
+    let parts: Vec<Vec<Root>> = minis
+        .par_chunks(64)
+        .map(|minis| {
+            let mut found = Vec::with_capacity(minis.len());
+            for mini in minis {
+                cut(mini, nodes, threshold, scale, &mut found);
+            }
             found
         })
-        .collect()
+        .collect();
+    parts.concat()
 }
 
 /// T, in the unit of the areas given; infinite without pruning.

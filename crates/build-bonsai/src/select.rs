@@ -1,7 +1,7 @@
 //! Mini tree selection: midpoints are halved in space (thesis paper IV, section 5.2).
 
 use crate::source::Midpoint;
-use niwaki_core::{Aabb, glam::Vec3, layout, to_u32};
+use niwaki_core::{Aabb, glam::Vec4, layout, to_u32};
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -47,7 +47,7 @@ pub(crate) fn select(mut midpoints: Vec<Midpoint>, size: usize) -> (Vec<u32>, Ve
 /// split, such as equal midpoints, in the middle of their order.
 fn halve(task: Task<'_>) -> [Task<'_>; 2] {
     let count = task.items.len();
-    let bounds = Aabb::from_points(task.items.iter().map(|item| Vec3::from(item.center)));
+    let bounds = bounds(task.items);
     let axis = bounds.longest_axis();
     let (min, max) = (bounds.min[axis], bounds.max[axis]);
     // Between neighbouring numbers the middle may round down to the smaller, and nothing would
@@ -58,7 +58,9 @@ fn halve(task: Task<'_>) -> [Task<'_>; 2] {
     if min < max {
         for item in task.items.iter() {
             let is_left = item.center[axis] < plane;
-            task.spare[if is_left { left } else { right - 1 }] = *item;
+            // Both are written and one counts: cheaper than a branch that cannot be predicted.
+            task.spare[left] = *item;
+            task.spare[right - 1] = *item;
             left += usize::from(is_left);
             right -= usize::from(!is_left);
         }
@@ -76,4 +78,26 @@ fn halve(task: Task<'_>) -> [Task<'_>; 2] {
         Task { items: items_left, spare: spare_left, ids: ids_left, first: task.first },
         Task { items: items_right, spare: spare_right, ids: ids_right, first: task.first + left },
     ]
+}
+
+/// Around all midpoints. Four boxes grow in turn, because each depends on itself before.
+fn bounds(items: &[Midpoint]) -> Aabb {
+    const WAYS: usize = 4;
+    let items: &[Vec4] = bytemuck::cast_slice(items);
+    let (mut min, mut max) = ([Vec4::INFINITY; WAYS], [Vec4::NEG_INFINITY; WAYS]);
+    let mut chunks = items.chunks_exact(WAYS);
+    for chunk in &mut chunks {
+        for way in 0..WAYS {
+            // The fourth component is an index and has no meaning as a number.
+            min[way] = min[way].min(chunk[way]);
+            max[way] = max[way].max(chunk[way]);
+        }
+    }
+    for item in chunks.remainder() {
+        min[0] = min[0].min(*item);
+        max[0] = max[0].max(*item);
+    }
+    let min = min.into_iter().fold(Vec4::INFINITY, Vec4::min);
+    let max = max.into_iter().fold(Vec4::NEG_INFINITY, Vec4::max);
+    Aabb::new(min.truncate(), max.truncate())
 }

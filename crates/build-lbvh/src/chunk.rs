@@ -31,6 +31,12 @@ impl Source<'_> {
     }
 }
 
+/// Bytes of temporary memory for each slot.
+pub(crate) const NOTE_BYTES: usize = size_of::<Note>();
+
+/// What [`Part`] has beside the node: cost, first place, number of places.
+type Note = (f32, u32, u32);
+
 /// Builds the subtree top-down, then its boxes from the leaves up. Returns the root, which has no
 /// slot of its own.
 pub(crate) fn lauterbach(source: Source<'_>, chunk: Chunk<'_>) -> Part {
@@ -38,13 +44,14 @@ pub(crate) fn lauterbach(source: Source<'_>, chunk: Chunk<'_>) -> Part {
     if first == last {
         return source.leaf(first);
     }
-    // What `Part` has beside the node, for each slot: cost, first place, number of places.
-    let mut notes = vec![(0.0_f32, 0_u32, 0_u32); slots.len()];
+    let mut notes: Vec<Note> = vec![(0.0, 0, 0); slots.len()];
     let mut stack = vec![(first, last, 0_usize)];
     while let Some((first, last, pair)) = stack.pop() {
         let middle = split(&source.sorted.codes, first, last);
-        let children =
-            [(pair, first, middle - 1, pair + 2), (pair + 1, middle, last, pair + 2 * (middle - first))];
+        let children = [
+            (pair, first, middle - 1, pair + 2),
+            (pair + 1, middle, last, pair + 2 * (middle - first)),
+        ];
         for (slot, first, last, below) in children {
             if first == last {
                 let part = source.leaf(first);
@@ -56,7 +63,7 @@ pub(crate) fn lauterbach(source: Source<'_>, chunk: Chunk<'_>) -> Part {
             }
         }
     }
-    let join = |slots: &mut [BvhNode], notes: &[(f32, u32, u32)], pair: usize| {
+    let join = |slots: &mut [BvhNode], notes: &[Note], pair: usize| {
         let part = |slot: usize| {
             let (cost, first, count) = notes[slot];
             Part { node: slots[slot], cost, first, count }

@@ -3,14 +3,17 @@
 use crate::chunk::Source;
 use crate::part::Part;
 use crate::prefix::common_prefix;
+use niwaki_core::glam::Vec3;
 use niwaki_core::layout::divide;
 use niwaki_core::{Aabb, BvhNode, to_u32};
-use niwaki_core::glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 const CHUNK: usize = 1024;
 const NO_PARENT: u32 = u32::MAX;
+
+/// Bytes of temporary memory for each place.
+pub(crate) const NODE_BYTES: usize = size_of::<Inner>() + size_of::<AtomicU32>();
 
 /// Inner node `i` of a radix tree: it covers places from or to `i`.
 struct Inner {
@@ -61,7 +64,8 @@ impl Inner {
 fn inner(codes: &[u64], i: usize) -> (usize, usize, usize) {
     let len = codes.len();
     // δ(i, i + offset) in the direction of growth; −1 outside.
-    let up = i == 0 || (i + 1 < len && common_prefix(codes, i, i + 1) > common_prefix(codes, i, i - 1));
+    let up =
+        i == 0 || (i + 1 < len && common_prefix(codes, i, i + 1) > common_prefix(codes, i, i - 1));
     let delta = |offset: usize| -> i64 {
         let j = if up { i.checked_add(offset).filter(|&j| j < len) } else { i.checked_sub(offset) };
         j.map_or(-1, |j| i64::from(common_prefix(codes, i, j)))
@@ -142,6 +146,7 @@ pub(crate) fn build(source: Source<'_>) -> Vec<BvhNode> {
         to.store(to_u32(i), Ordering::Relaxed);
     });
     boxes(source, &nodes, &leaf_parents);
+    drop(leaf_parents);
     layout(source, &nodes)
 }
 

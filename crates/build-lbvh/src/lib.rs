@@ -10,9 +10,9 @@
 //!     vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE],
 //!     vec![[0, 1, 2], [1, 2, 3]],
 //! )?;
-//! let karras = Lbvh::default().build_mesh(&mesh)?;
-//! let lauterbach = Lbvh { algorithm: Algorithm::Lauterbach, ..Lbvh::default() };
-//! assert_eq!(karras, lauterbach.build_mesh(&mesh)?, "one tree, two ways to it");
+//! let bvh = Lbvh::default().build_mesh(&mesh)?;
+//! let karras = Lbvh { algorithm: Algorithm::Karras, ..Lbvh::default() };
+//! assert_eq!(bvh, karras.build_mesh(&mesh)?, "one tree, several ways to it");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -30,7 +30,11 @@ mod part;
 mod prefix;
 mod top_down;
 
-use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh, scene_bounds};
+use niwaki_core::layout::finish;
+use niwaki_core::{
+    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
+};
+use rayon::prelude::*;
 
 /// The linear BVH builder.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +42,7 @@ pub struct Lbvh {
     /// Bits of a Morton code: 30 (10 per axis) or 63 (21 per axis). Default 63. With 30 the sort
     /// is shorter, and primitives within a 1024th of the scene are left in arbitrary order.
     pub code_bits: u32,
-    /// How the hierarchy is found. Default [`Algorithm::Karras`].
+    /// How the hierarchy is found. Default [`Algorithm::Apetrei`], the fastest.
     pub algorithm: Algorithm,
     /// The most primitives of a leaf, at least 1. Default 4. Subtrees that are no larger become
     /// leaves where [`Lbvh::sah`] says that this is not dearer.
@@ -59,11 +63,12 @@ pub enum Algorithm {
     /// exponential and binary search (Karras 2012, section 3). Boxes are computed from the leaves
     /// up, where the second child to arrive, by an atomic counter, goes on to the parent. Made
     /// for machines with many threads.
-    #[default]
     Karras,
     /// Bottom-up in one pass over the codes, in which a subtree joins the neighbour with which it
     /// shares the longer prefix, hierarchy and boxes together (Apetrei 2014). Here it runs
-    /// sequentially with a short stack in each of a few parts of the order: the fastest on CPUs.
+    /// sequentially with a short stack in each of a few parts of the order: the fastest on CPUs,
+    /// and the default.
+    #[default]
     Apetrei,
 }
 
@@ -71,7 +76,7 @@ impl Default for Lbvh {
     fn default() -> Self {
         Self {
             code_bits: 63,
-            algorithm: Algorithm::Karras,
+            algorithm: Algorithm::default(),
             max_leaf_size: 4,
             sah: SahConstants::default(),
         }
@@ -101,6 +106,36 @@ impl Builder for Lbvh {
     }
 
     fn build(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
+        let (nodes, prim_ids) = self.slots(prims)?;
+        Ok(finish(nodes, prim_ids))
+    }
+
+    fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
+        let prims = mesh.prim_refs();
+        let (nodes, prim_ids) = self.slots(&prims)?;
+        drop(prims); // Before the nodes are moved, where memory use peaks.
+        Ok(finish(nodes, prim_ids))
+    }
+
+    fn memory_bound(&self, count: usize) -> usize {
+        // References, codes and order; then what the algorithm adds to the nodes; or, at the end,
+        // nodes at old and new places and 4 bytes a pair for the new place beside the order.
+        let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
+        let source = count * (size_of::<PrimRef>() + size_of::<u64>() + size_of::<u32>());
+        let extra = match self.algorithm {
+            Algorithm::Lauterbach => 2 * count * chunk::NOTE_BYTES,
+            Algorithm::Karras => count * karras::NODE_BYTES,
+            Algorithm::Apetrei => 0,
+        };
+        let building = source + nodes + extra;
+        let closing = 2 * nodes + count * 2 * size_of::<u32>();
+        building.max(closing) + (256 << 10) + count / 8
+    }
+}
+
+impl Lbvh {
+    /// Nodes, perhaps with holes, and the order of the leaves.
+    fn slots(&self, prims: &[PrimRef]) -> Result<(Vec<BvhNode>, Vec<u32>), BuildError> {
         self.check()?;
         let scene = scene_bounds(prims)?;
         let sorted = morton::sort(prims, &scene, self.code_bits);
@@ -112,17 +147,12 @@ impl Builder for Lbvh {
             Algorithm::Apetrei => top_down::build(source, chunk::apetrei),
         };
         let mut prim_ids = sorted.order;
-        for i in &mut prim_ids {
-            *i = prims[*i as usize].prim_id;
-        }
-        Ok(Bvh { nodes, prim_ids })
-    }
-
-    fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
-        self.build(&mesh.prim_refs())
-    }
-
-    fn memory_bound(&self, count: usize) -> usize {
-        count * 200
+        prim_ids.par_iter_mut().with_min_len(4096).for_each(|i| *i = prims[*i as usize].prim_id);
+        Ok((nodes, prim_ids))
     }
 }
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -47,7 +47,11 @@ impl Quantizer {
     }
 
     #[inline]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= last < 2^21")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "0 ..= last < 2^21"
+    )]
     fn cell(&self, f: f32) -> u64 {
         // A NaN (∞ − ∞ or 0·∞ at the ends of the range) fails the comparison.
         let f = if f > 0.0 { f } else { 0.0 };
@@ -66,21 +70,49 @@ fn spread(x: u64) -> u64 {
 }
 
 /// Sorts by code; equal codes stay in input order.
+///
+/// Items are 8 bytes, the upper bits of the code over the index, so that a pass of the radix sort
+/// moves little. Of 63 bits the lower 31 wait until the upper 32 are in order, when the few
+/// primitives that share those are sorted by all of them.
 pub(crate) fn sort(prims: &[PrimRef], scene: &SceneBounds, code_bits: u32) -> Sorted {
+    const LONG_RUN: usize = 256;
     let quantizer = Quantizer::new(scene, code_bits);
-    let mut items: Vec<(u64, u32)> = prims
+    let codes: Vec<u64> = prims.par_iter().with_min_len(CHUNK).map(|p| quantizer.code(p)).collect();
+    let upper_bits = code_bits.min(32);
+    let lower_bits = code_bits - upper_bits;
+    let mut items: Vec<u64> = codes
         .par_iter()
         .with_min_len(CHUNK)
         .enumerate()
-        .map(|(i, p)| (quantizer.code(p), to_u32(i)))
+        .map(|(i, code)| code >> lower_bits << 32 | i as u64)
         .collect();
-    let mut spare = vec![(0, 0); items.len()];
-    sort_by_key(&mut items, &mut spare, code_bits, |item| item.0);
-    drop(spare);
-    Sorted {
-        codes: items.par_iter().with_min_len(CHUNK).map(|item| item.0).collect(),
-        order: items.par_iter().with_min_len(CHUNK).map(|item| item.1).collect(),
+    let mut spare = vec![0; items.len()];
+    sort_by_key(&mut items, &mut spare, upper_bits, |item| item >> 32);
+    let code = |item: u64| codes[index(item)];
+    if lower_bits > 0 {
+        let mut start = 0;
+        while let Some(&first) = items.get(start) {
+            let len = items[start..].iter().take_while(|&item| item >> 32 == first >> 32).count();
+            let run = &mut items[start..start + len];
+            if len >= LONG_RUN {
+                sort_by_key(run, &mut spare[..len], lower_bits, |&item| code(item));
+            } else if len > 1 {
+                run.sort_unstable_by_key(|&item| (code(item), item));
+            }
+            start += len;
+        }
     }
+    let mut sorted = spare;
+    sorted.par_iter_mut().with_min_len(CHUNK).zip(&items).for_each(|(to, &item)| *to = code(item));
+    drop(codes);
+    let order = items.par_iter().with_min_len(CHUNK).map(|&item| to_u32(index(item))).collect();
+    Sorted { codes: sorted, order }
+}
+
+/// The place in the input that an item names.
+#[inline]
+const fn index(item: u64) -> usize {
+    (item & 0xffff_ffff) as usize
 }
 
 #[cfg(test)]

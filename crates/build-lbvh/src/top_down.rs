@@ -4,7 +4,7 @@ use crate::chunk::{Chunk, Source};
 use crate::part::Part;
 use crate::prefix::split;
 use niwaki_core::BvhNode;
-use niwaki_core::layout::{compact, slots};
+use niwaki_core::layout::slots;
 use niwaki_core::to_u32;
 use rayon::prelude::*;
 
@@ -16,7 +16,8 @@ enum Top {
     Chunk(usize),
 }
 
-/// Builds the tree. How the order is divided does not show in the result.
+/// Builds the tree, with holes where leaves were merged. How the order is divided does not show
+/// once they are closed.
 pub(crate) fn build(
     source: Source<'_>,
     subtree: impl Fn(Source<'_>, Chunk<'_>) -> Part + Sync,
@@ -79,5 +80,5 @@ pub(crate) fn build(
     if let Some(Some(part)) = done.first() {
         nodes[0] = part.node;
     }
-    compact(nodes)
+    nodes
 }

@@ -5,13 +5,12 @@ mod support;
 
 use niwaki_build_lbvh::{Algorithm, Lbvh};
 use niwaki_core::glam::Vec3;
-use niwaki_core::{Bvh, Builder, SahConstants, TriangleMesh};
+use niwaki_core::{Builder, Bvh, SahConstants, TriangleMesh};
 use niwaki_metrics::{sah, validate};
 use proptest::prelude::*;
 use support::*;
 
-const ALGORITHMS: [Algorithm; 3] =
-    [Algorithm::Lauterbach, Algorithm::Karras, Algorithm::Apetrei];
+const ALGORITHMS: [Algorithm; 3] = [Algorithm::Lauterbach, Algorithm::Karras, Algorithm::Apetrei];
 
 #[test]
 fn hard_cases_are_survived() {
@@ -63,7 +62,7 @@ fn all_algorithms_find_one_tree_in_hard_cases() {
 
 /// The tree by definition, slowly: at each node the first bit in which codes differ, with codes
 /// computed bit by bit, divides it.
-fn by_definition(mesh: &TriangleMesh, bits_per_axis: u32) -> Vec<(Vec<u32>, u32)> {
+fn by_definition(mesh: &TriangleMesh, bits_per_axis: u32) -> Vec<(Vec<u32>, usize)> {
     let prims = mesh.prim_refs();
     let low = prims.iter().map(|p| p.centroid2()).reduce(Vec3::min).unwrap();
     let high = prims.iter().map(|p| p.centroid2()).reduce(Vec3::max).unwrap();
@@ -95,7 +94,7 @@ fn by_definition(mesh: &TriangleMesh, bits_per_axis: u32) -> Vec<(Vec<u32>, u32)
         let bit = (0..).find(|&b| keys[first].0[b] != keys[end - 1].0[b]).unwrap();
         let middle = (first..end).find(|&i| keys[i].0[bit]).unwrap();
         let ids = keys[first..end].iter().map(|k| k.1).collect();
-        splits.push((ids, (middle - first) as u32));
+        splits.push((ids, middle - first));
         stack.push((middle, end));
         stack.push((first, middle));
     }
@@ -103,7 +102,7 @@ fn by_definition(mesh: &TriangleMesh, bits_per_axis: u32) -> Vec<(Vec<u32>, u32)
 }
 
 /// For each inner node in depth-first order: its primitives, and how many of them are on the left.
-fn splits(bvh: &Bvh) -> Vec<(Vec<u32>, u32)> {
+fn splits(bvh: &Bvh) -> Vec<(Vec<u32>, usize)> {
     let ids = |node: usize| {
         let (mut ids, mut stack) = (Vec::new(), vec![node]);
         while let Some(node) = stack.pop().map(|i| &bvh.nodes[i]) {
@@ -120,7 +119,7 @@ fn splits(bvh: &Bvh) -> Vec<(Vec<u32>, u32)> {
     while let Some(i) = stack.pop() {
         if !bvh.nodes[i].is_leaf() {
             let [left, right] = bvh.nodes[i].children();
-            splits.push((ids(i), ids(left).len() as u32));
+            splits.push((ids(i), ids(left).len()));
             stack.extend([right, left]);
         }
     }

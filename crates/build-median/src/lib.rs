@@ -100,3 +100,8 @@ impl Builder for SpatialMedian {
         top_down::memory_bound(count)
     }
 }
+
+/// Runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -13,13 +13,14 @@ use niwaki_core::{Aabb, PrimRef, glam::Vec3};
 use std::arch::x86_64::{
     __m128, __m256, __m256i, _CMP_EQ_OQ, _CMP_LT_OQ, _mm_cvtsi128_si32, _mm_cvtss_f32, _mm_load_ps,
     _mm_loadl_epi64, _mm_max_ps, _mm_min_ps, _mm_set1_ps, _mm_storeu_ps, _mm_sub_ps,
-    _mm256_add_epi32, _mm256_add_ps, _mm256_blendv_epi8, _mm256_blendv_ps, _mm256_castps_si256,
-    _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_castsi256_si128, _mm256_cmp_ps,
-    _mm256_cmpgt_epi32, _mm256_cvtepi32_ps, _mm256_cvtepu8_epi32, _mm256_loadu_ps,
-    _mm256_loadu_si256, _mm256_maskstore_epi32, _mm256_min_epi32, _mm256_min_epu32, _mm256_min_ps,
-    _mm256_movemask_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_permute2x128_si256,
-    _mm256_permutevar8x32_epi32, _mm256_set_m128, _mm256_set1_epi32, _mm256_set1_ps,
-    _mm256_setr_epi32, _mm256_shuffle_epi32, _mm256_shuffle_ps, _mm256_slli_epi32,
+    _mm256_add_epi32, _mm256_add_ps, _mm256_and_si256, _mm256_blendv_epi8, _mm256_blendv_ps,
+    _mm256_castps_si256, _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_castsi256_si128,
+    _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_cmpgt_epi32, _mm256_cvtepi32_ps,
+    _mm256_cvtepu8_epi32, _mm256_loadu_ps, _mm256_loadu_si256, _mm256_maskstore_epi32,
+    _mm256_min_epi32, _mm256_min_epu32, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
+    _mm256_or_si256, _mm256_permute2f128_ps, _mm256_permute2x128_si256,
+    _mm256_permutevar8x32_epi32, _mm256_permutevar8x32_ps, _mm256_set_m128, _mm256_set1_epi32,
+    _mm256_set1_ps, _mm256_setr_epi32, _mm256_shuffle_epi32, _mm256_shuffle_ps, _mm256_slli_epi32,
     _mm256_storeu_ps, _mm256_storeu_si256, _mm256_sub_epi32, _mm256_unpackhi_ps,
     _mm256_unpacklo_ps,
 };
@@ -172,13 +173,176 @@ impl BestOfLanes {
     }
 }
 
+/// The best split of all axes: cost first, then axis, then position.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn best_of_axes(best: &[BestOfLanes; 3]) -> Split {
+    const CODE_BITS: u32 = 28;
+    // Lanes compare costs first and codes, axis before position, second.
+    let mut all = best[0];
+    for (axis, other) in [(1, best[1]), (2, best[2])] {
+        let better = _mm256_cmp_ps::<_CMP_LT_OQ>(other.cost, all.cost);
+        all.cost = _mm256_blendv_ps(all.cost, other.cost, better);
+        let code = _mm256_add_epi32(other.left, _mm256_set1_epi32(axis << CODE_BITS));
+        all.left = _mm256_blendv_epi8(all.left, code, _mm256_castps_si256(better));
+    }
+    let (cost, code) = all.reduce();
+    if cost < f32::INFINITY {
+        Split {
+            cost,
+            axis: (code >> CODE_BITS) as usize,
+            left: (code & ((1 << CODE_BITS) - 1)) as usize,
+        }
+    } else {
+        Split::NONE
+    }
+}
+
+/// [`sweep`] for nodes of up to eight primitives: one block, and areas stay in registers.
+///
+/// # Safety
+/// As for [`sweep`], with `count ≤ 8`.
+#[target_feature(enable = "avx2")]
+pub(crate) unsafe fn sweep_eight(
+    prims: &[PrimRef],
+    order: [*const u32; 3],
+    count: usize,
+    rule: &SplitRule,
+) -> (Aabb, Split) {
+    let prims = prims.as_ptr();
+    let scale = _mm256_set1_ps(rule.scale.get());
+    let costs = Costs::new(rule, count);
+    let mut best = [BestOfLanes::new(); 3];
+    let mut bounds = Aabb::EMPTY;
+    let count = count.cast_signed();
+    let left = _mm256_add_epi32(lanes(), _mm256_set1_epi32(1));
+    #[expect(clippy::cast_possible_truncation, reason = "at most 8")]
+    let count32 = count as i32;
+    // Lane `l` of the areas from the right is that of position `count − 8 + l`; the split with
+    // `l + 1` on the left needs that of position `l + 1`.
+    let shift = _mm256_add_epi32(lanes(), _mm256_set1_epi32(9 - count32));
+    let clamp = _mm256_min_epu32(lanes(), _mm256_set1_epi32(count32 - 1));
+    for axis in 0..3 {
+        let mut from_left = Running::new();
+        let mut from_right = Running::new();
+        let mut on_left = [_mm_set1_ps(0.0); 8];
+        let mut on_right = [_mm_set1_ps(0.0); 8];
+        let mut indices = [0_u32; 8];
+        // SAFETY: as in `sweep`.
+        unsafe {
+            let here = _mm256_loadu_si256(order[axis].cast());
+            let here = _mm256_permutevar8x32_epi32(here, clamp);
+            _mm256_storeu_si256(indices.as_mut_ptr().cast(), here);
+            let from = order[axis].offset(count - 8);
+            for k in 0..8 {
+                on_left[k] = from_left.grow(prims, indices[k]);
+                on_right[7 - k] = from_right.grow(prims, *from.add(7 - k));
+            }
+        }
+        let area_right = half_areas(&on_right, scale);
+        let area_right = _mm256_permutevar8x32_ps(area_right, shift);
+        costs.improve(&mut best[axis], left, half_areas(&on_left, scale), area_right);
+        if axis == 0 {
+            bounds = from_left.aabb();
+        }
+    }
+    (bounds, best_of_axes(&best))
+}
+
+/// [`sweep`] for nodes of up to four primitives: areas from both sides share a register.
+///
+/// # Safety
+/// As for [`sweep`], with `count ≤ 4`.
+#[target_feature(enable = "avx2")]
+pub(crate) unsafe fn sweep_four(
+    prims: &[PrimRef],
+    order: [*const u32; 3],
+    count: usize,
+    rule: &SplitRule,
+) -> (Aabb, Split) {
+    let prims = prims.as_ptr();
+    let scale = _mm256_set1_ps(rule.scale.get());
+    let costs = Costs::new(rule, count);
+    let mut best = [BestOfLanes::new(); 3];
+    let mut bounds = Aabb::EMPTY;
+    let left = _mm256_add_epi32(lanes(), _mm256_set1_epi32(1));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "at most 4")]
+    let count32 = count as i32;
+    // As in `sweep_eight`, with positions from `count − 4` on in lanes 4 to 7. Lanes from
+    // `count − 1` on are not used.
+    let shift = _mm256_add_epi32(lanes(), _mm256_set1_epi32(9 - count32));
+    let last = count - 1;
+    for axis in 0..3 {
+        let mut from_left = Running::new();
+        let mut from_right = Running::new();
+        let mut extents = [_mm_set1_ps(0.0); 8];
+        // SAFETY: as in `sweep`.
+        unsafe {
+            let from = order[axis].offset(count.cast_signed() - 4);
+            for k in 0..4 {
+                extents[k] = from_left.grow(prims, *order[axis].add(k.min(last)));
+                extents[7 - k] = from_right.grow(prims, *from.add(3 - k));
+            }
+        }
+        let areas = half_areas(&extents, scale);
+        let area_right = _mm256_permutevar8x32_ps(areas, shift);
+        costs.improve(&mut best[axis], left, areas, area_right);
+        if axis == 0 {
+            bounds = from_left.aabb();
+        }
+    }
+    (bounds, best_of_axes(&best))
+}
+
+/// [`partition`] of the other two orders of a node of up to eight primitives, of which the first
+/// `left` along the axis of the split go left.
+///
+/// # Safety
+/// The machine has AVX2. `left < count ≤ 8`, each pointer may be accessed up to
+/// [`crate::kernel::PAD`] entries on, and the first `count` entries of each name the same
+/// primitives, none twice.
+#[target_feature(enable = "avx2")]
+pub(crate) unsafe fn partition_eight(
+    split: *const u32,
+    others: [*mut u32; 2],
+    count: usize,
+    left: usize,
+) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "at most 8")]
+    let (count, left) = (count as i32, left as i32);
+    let inside = _mm256_cmpgt_epi32(_mm256_set1_epi32(count), lanes());
+    // SAFETY: eight entries.
+    let on_left = unsafe {
+        // No primitive has the highest index.
+        let split = _mm256_loadu_si256(split.cast());
+        let goes_left = _mm256_cmpgt_epi32(_mm256_set1_epi32(left), lanes());
+        _mm256_blendv_epi8(_mm256_set1_epi32(-1), split, goes_left)
+    };
+    // SAFETY: eight entries.
+    let [a, b] = others.map(|order| unsafe { _mm256_loadu_si256(order.cast()) });
+    let (mut in_a, mut in_b) = (_mm256_set1_epi32(0), _mm256_set1_epi32(0));
+    for k in 0..7 {
+        let one = _mm256_permutevar8x32_epi32(on_left, _mm256_set1_epi32(k));
+        in_a = _mm256_or_si256(in_a, _mm256_cmpeq_epi32(a, one));
+        in_b = _mm256_or_si256(in_b, _mm256_cmpeq_epi32(b, one));
+    }
+    for (order, (block, is_left)) in others.into_iter().zip([(a, in_a), (b, in_b)]) {
+        // Entries of the next node count as right and keep their place.
+        let is_left = _mm256_castsi256_ps(_mm256_and_si256(is_left, inside));
+        let mask = _mm256_movemask_ps(is_left).cast_unsigned() as usize;
+        let arranged = _mm256_permutevar8x32_epi32(block, first_left(mask));
+        // SAFETY: eight entries.
+        unsafe { _mm256_storeu_si256(order.cast(), arranged) };
+    }
+}
+
 /// Sweeps a node along all axes. `order` points to the first primitive of the node in each order,
 /// `left` and `right` to the places for the areas of its first position.
 ///
 /// # Safety
 /// The machine has AVX2. `1 ≤ count < 2^28`. Each of `order`, `left` and `right` may be accessed
-/// from [`crate::kernel::PAD`] before to `count` + [`crate::kernel::PAD`] after the pointer, and everything in `order` there is
-/// a valid index into `prims`.
+/// from [`crate::kernel::PAD`] before to `count` + [`crate::kernel::PAD`] after the pointer, and everything in `order`
+/// before the end of the node is a valid index into `prims`.
 #[target_feature(enable = "avx2")]
 pub(crate) unsafe fn sweep(
     prims: &[PrimRef],
@@ -188,7 +352,6 @@ pub(crate) unsafe fn sweep(
     left: [*mut f32; 3],
     right: [*mut f32; 3],
 ) -> (Aabb, Split) {
-    const CODE_BITS: u32 = 28;
     let prims = prims.as_ptr();
     let scale = _mm256_set1_ps(rule.scale.get());
     let mut from_left = [Running::new(); 3];
@@ -242,25 +405,68 @@ pub(crate) unsafe fn sweep(
         }
         position = _mm256_add_epi32(position, _mm256_set1_epi32(8));
     }
-    // Lanes compare costs first and codes, axis before position, second.
-    let mut all = best[0];
-    for (axis, other) in [(1, best[1]), (2, best[2])] {
-        let better = _mm256_cmp_ps::<_CMP_LT_OQ>(other.cost, all.cost);
-        all.cost = _mm256_blendv_ps(all.cost, other.cost, better);
-        let code = _mm256_add_epi32(other.left, _mm256_set1_epi32(axis << CODE_BITS));
-        all.left = _mm256_blendv_epi8(all.left, code, _mm256_castps_si256(better));
-    }
-    let (cost, code) = all.reduce();
-    let split = if cost < f32::INFINITY {
-        Split {
-            cost,
-            axis: (code >> CODE_BITS) as usize,
-            left: (code & ((1 << CODE_BITS) - 1)) as usize,
+    (from_left[0].aabb(), best_of_axes(&best))
+}
+
+/// Sweeps one axis of a large node, without touching anything outside it.
+///
+/// # Safety
+/// The machine has AVX2, and `order` holds valid indices into `prims`, at least one and below
+/// 2^31 of them; `right` is as long.
+#[target_feature(enable = "avx2")]
+pub(crate) unsafe fn sweep_axis(
+    prims: &[PrimRef],
+    order: &[u32],
+    axis: usize,
+    rule: &SplitRule,
+    right: &mut [f32],
+) -> (Aabb, Split) {
+    let count = order.len();
+    assert!(right.len() == count);
+    let refs = prims.as_ptr();
+    let scale = _mm256_set1_ps(rule.scale.get());
+    let mut running = Running::new();
+    let mut extents = [_mm_set1_ps(0.0); 8];
+    for (order, right) in order.chunks(8).zip(right.chunks_mut(8)).rev() {
+        for (extent, &i) in extents.iter_mut().zip(order).rev() {
+            // SAFETY: the index is valid.
+            *extent = unsafe { running.grow(refs, i) };
         }
-    } else {
-        Split::NONE
-    };
-    (from_left[0].aabb(), split)
+        let mut areas = [0.0; 8];
+        // SAFETY: eight floats.
+        unsafe { _mm256_storeu_ps(areas.as_mut_ptr(), half_areas(&extents, scale)) };
+        right.copy_from_slice(&areas[..right.len()]);
+    }
+    let costs = Costs::new(rule, count);
+    let mut best = BestOfLanes::new();
+    let mut position = _mm256_add_epi32(lanes(), _mm256_set1_epi32(1));
+    running = Running::new();
+    let mut first = 0;
+    while first + 8 < count {
+        for (extent, &i) in extents.iter_mut().zip(&order[first..first + 8]) {
+            // SAFETY: the index is valid.
+            *extent = unsafe { running.grow(refs, i) };
+        }
+        // SAFETY: the last area read is that of position `first + 8`, which exists.
+        let area_right = unsafe { _mm256_loadu_ps(right[first + 1..first + 9].as_ptr()) };
+        costs.improve(&mut best, position, half_areas(&extents, scale), area_right);
+        position = _mm256_add_epi32(position, _mm256_set1_epi32(8));
+        first += 8;
+    }
+    // One to eight primitives are left, all but the last of which end a left side.
+    let mut last = [0.0; 9];
+    last[..count - first].copy_from_slice(&right[first..]);
+    for (extent, &i) in extents.iter_mut().zip(&order[first..]) {
+        // SAFETY: the indices are valid.
+        *extent = unsafe { running.grow(refs, i) };
+    }
+    // SAFETY: eight floats from the second of nine on.
+    let area_right = unsafe { _mm256_loadu_ps(last[1..].as_ptr()) };
+    costs.improve(&mut best, position, half_areas(&extents, scale), area_right);
+    let (cost, left) = best.reduce();
+    let split =
+        if cost < f32::INFINITY { Split { cost, axis, left: left as usize } } else { Split::NONE };
+    (running.aabb(), split)
 }
 
 /// The box of a node of one or two primitives: that of its first and last.
@@ -346,10 +552,6 @@ pub(crate) unsafe fn partition(order: *mut u32, count: usize, side: *const u8, s
             let mask = !_mm256_movemask_ps(goes_right).cast_unsigned() as usize & 255;
             let arranged = _mm256_permutevar8x32_epi32(block, first_left(mask));
             let here = mask.count_ones() as usize;
-            if count <= 8 {
-                _mm256_storeu_si256(order.cast(), arranged);
-                return;
-            }
             let valid = (count - first).min(8);
             if valid == 8 {
                 _mm256_storeu_si256(order.add(left).cast(), arranged);

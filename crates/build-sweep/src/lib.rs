@@ -26,6 +26,7 @@
 //! | [`SplitRule`] | when to split and what a split costs; shared by both engines below |
 //! | [`build_tree`] | the parallel engine: from a list of references to a tree |
 //! | [`SweepWorkspace`] | the serial engine with reusable memory, for many small trees |
+//! | [`WorkspacePool`] | workspaces for parallel loops over small trees |
 //! | [`Kernel`] | the instruction set of the sweep; every kernel gives the same tree |
 //!
 //! There are no feature flags.
@@ -34,13 +35,15 @@
 mod avx2;
 mod kernel;
 mod parallel;
+mod pool;
 mod rule;
 mod scalar;
 mod small_sort;
 mod workspace;
 
 pub use kernel::Kernel;
-pub use parallel::build_tree;
+pub use parallel::{build_tree, tree_memory_bound};
+pub use pool::{PooledWorkspace, WorkspacePool};
 pub use rule::SplitRule;
 pub use workspace::SweepWorkspace;
 
@@ -81,6 +84,10 @@ impl Builder for Sweep {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        size_of::<PrimRef>() * count + parallel::memory_bound(count)
+        size_of::<PrimRef>() * count + tree_memory_bound(count)
     }
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

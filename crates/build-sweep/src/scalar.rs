@@ -33,12 +33,13 @@ pub(crate) fn sweep_axis(
     bounds
 }
 
-/// Stable partition of one order: primitives with `side` 0 go to the front.
-pub(crate) fn partition(order: &mut [u32], side: &[u8], scratch: &mut [u32]) {
+/// Stable partition of one order: primitives with `side` 0 go to the front, those with 1
+/// follow. `scratch` is as long as `order`.
+pub(crate) fn partition(order: &mut [u32], scratch: &mut [u32], side: impl Fn(usize) -> u8) {
     let (mut left, mut right) = (0, 0);
     for i in 0..order.len() {
         let p = order[i];
-        let goes_right = usize::from(side[p as usize]);
+        let goes_right = usize::from(side(p as usize));
         // Both are written and one counts: cheaper than a branch that cannot be predicted.
         order[left] = p;
         scratch[right] = p;

@@ -14,6 +14,13 @@ const DIGITS: usize = 256;
 const RADIX_FROM: usize = 64;
 
 impl Keys {
+    /// Makes room for `count` values.
+    pub(crate) fn reserve(&mut self, count: usize) {
+        self.keys.clear();
+        self.keys.reserve_exact(count);
+        self.spare.reserve_exact(count.saturating_sub(self.spare.len()));
+    }
+
     /// Writes the positions of `values` to `order`, lowest value first, equal values by position.
     ///
     /// Two passes of a radix sort over values rounded to 16 bits of their range, then an insertion
@@ -25,8 +32,8 @@ impl Keys {
         order: &mut [u32],
     ) {
         let count = values.len();
+        self.reserve(count);
         let keys = &mut self.keys;
-        keys.clear();
         if (RADIX_FROM..=1 << 16).contains(&count) {
             let (min, max) = values
                 .clone()

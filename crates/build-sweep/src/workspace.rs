@@ -17,7 +17,8 @@ pub struct SweepWorkspace {
     pub prims: Vec<PrimRef>,
     kernel: Kernel,
     /// Primitives sorted along each axis, from [`PAD`] on; a node is the same range in all three.
-    /// The padding holds valid indices, because vector kernels read past the ends of nodes.
+    /// The padding before is zero, a valid index, because vector kernels read past the ends of
+    /// nodes.
     order: [Vec<u32>; 3],
     keys: small_sort::Keys,
     /// 1 for primitives on the right of the split at hand.
@@ -25,12 +26,14 @@ pub struct SweepWorkspace {
     scratch: Vec<u32>,
     /// Areas of the boxes from the start of the node to each position, and from there to its end.
     areas: [Vec<f32>; 6],
+    /// The result of [`SweepWorkspace::build_ordered`].
+    nodes: Vec<BvhNode>,
     /// Right siblings that wait: node, first, end.
     stack: Vec<(u32, u32, u32)>,
 }
 
 impl SweepWorkspace {
-    /// An empty workspace.
+    /// An empty workspace. Falls back to [`Kernel::Scalar`] where the machine lacks `kernel`.
     #[must_use]
     pub fn new(kernel: Kernel) -> Self {
         Self {
@@ -41,14 +44,48 @@ impl SweepWorkspace {
             side: Vec::new(),
             scratch: Vec::new(),
             areas: [const { Vec::new() }; 6],
+            nodes: Vec::new(),
             stack: Vec::new(),
         }
     }
 
-    /// Bytes that a workspace for trees of up to `count` primitives takes.
+    /// A workspace with room for trees of up to `count` primitives, which then allocate nothing,
+    /// except for trees of more than 64 levels.
+    #[must_use]
+    pub fn with_capacity(kernel: Kernel, count: usize) -> Self {
+        let mut workspace = Self::new(kernel);
+        workspace.prims.reserve_exact(count);
+        workspace.keys.reserve(count);
+        workspace.stack.reserve_exact(66);
+        workspace.make_room(count);
+        workspace
+    }
+
+    /// Bytes that a workspace for trees of up to `count` primitives takes at most.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        (count + 2 * PAD) * (32 + 12 + 16 + 1 + 4 + 24) + 12 * (64 + count.ilog2() as usize)
+        let lists = size_of::<PrimRef>() + 12 + 16 + 1 + 4 + 24;
+        // A list that doubles its room while a chain as deep as it is long is built.
+        let stack = 3 * 12 * count;
+        (count + 2 * PAD) * lists + stack + 1024
+    }
+
+    /// Makes all lists but those of keys and primitives long enough.
+    fn make_room(&mut self, count: usize) {
+        fn to_length<T: Copy + Default>(list: &mut Vec<T>, length: usize) {
+            if list.len() < length {
+                list.reserve_exact(length - list.len());
+                list.resize(length, T::default());
+            }
+        }
+        to_length(&mut self.side, count + PAD);
+        to_length(&mut self.scratch, count + PAD);
+        for order in &mut self.order {
+            to_length(order, count + 2 * PAD);
+        }
+        for areas in &mut self.areas {
+            to_length(areas, count + 2 * PAD);
+        }
     }
 
     /// Builds a tree over [`SweepWorkspace::prims`] and returns how many of `nodes` it uses: the
@@ -70,10 +107,31 @@ impl SweepWorkspace {
         self.build_sorted(rule, nodes, ids, first_prim)
     }
 
+    /// Builds a tree over primitives that are already sorted along each axis, into memory of the
+    /// workspace. Otherwise like [`SweepWorkspace::build`].
+    pub(crate) fn build_ordered(
+        &mut self,
+        rule: &SplitRule,
+        sorted: [&[u32]; 3],
+        ids: &mut [u32],
+        first_prim: usize,
+    ) -> &[BvhNode] {
+        let count = self.prims.len();
+        self.make_room(count);
+        for (order, sorted) in self.order.iter_mut().zip(sorted) {
+            assert!(sorted.iter().all(|&p| (p as usize) < count), "positions in `prims`");
+            order[PAD..PAD + count].copy_from_slice(sorted);
+        }
+        let mut nodes = std::mem::take(&mut self.nodes);
+        nodes.resize(nodes.len().max(2 * count), BvhNode::leaf(Aabb::EMPTY, 0, 0));
+        let used = self.build_sorted(rule, &mut nodes, ids, first_prim);
+        self.nodes = nodes;
+        &self.nodes[..used]
+    }
+
     fn sort(&mut self) {
+        self.make_room(self.prims.len());
         for (axis, order) in self.order.iter_mut().enumerate() {
-            order.clear();
-            order.resize(self.prims.len() + 2 * PAD, 0);
             let order = &mut order[PAD..][..self.prims.len()];
             self.keys.sort(self.prims.iter().map(|p| p.min[axis] + p.max[axis]), order);
         }
@@ -89,12 +147,6 @@ impl SweepWorkspace {
         let count = self.prims.len();
         assert!(count > 0 && ids.len() == count && nodes.len() >= 2 * count - 1);
         assert!(count < 1 << 28, "vector kernels pack axis and position in 30 bits");
-        let grow = |len: usize, padded: usize| len.max(padded);
-        self.side.resize(grow(self.side.len(), count + PAD), 0);
-        self.scratch.resize(grow(self.scratch.len(), count + PAD), 0);
-        for areas in &mut self.areas {
-            areas.resize(grow(areas.len(), count + 2 * PAD), 0.0);
-        }
         let mut used = 1;
         self.stack.clear();
         self.stack.push((0, 0, to_u32(count)));
@@ -155,12 +207,21 @@ impl SweepWorkspace {
             assert!(self.order.iter().all(|order| end + 2 * PAD <= order.len()));
             assert!(self.areas.iter().all(|areas| count + 2 * PAD <= areas.len()));
             let order = [0, 1, 2].map(|axis| self.order[axis][PAD + start..].as_ptr());
+            // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
+            // kernels ask for were just checked; orders and their padding hold indices of
+            // primitives.
+            unsafe {
+                if count <= 4 {
+                    return avx2::sweep_four(&self.prims, order, count, rule);
+                }
+                if count <= 8 {
+                    return avx2::sweep_eight(&self.prims, order, count, rule);
+                }
+            }
             let [a, b, c, d, e, f] = &mut self.areas;
             let [left, right] =
                 [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a[PAD..].as_mut_ptr()));
-            // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
-            // the kernel asks for were just checked; orders and their padding hold indices of
-            // primitives.
+            // SAFETY: as above.
             return unsafe { avx2::sweep(&self.prims, order, count, rule, left, right) };
         }
         let mut best = Split::NONE;
@@ -185,6 +246,16 @@ impl SweepWorkspace {
     /// other orders, keeping both sides sorted.
     fn partition(&mut self, split: Split, start: usize, end: usize) {
         let (start, end) = (PAD + start, PAD + end);
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 && end - start <= 8 {
+            assert!(self.order.iter().all(|order| end + PAD <= order.len()));
+            let mut order = self.order.each_mut().map(|order| order[start..].as_mut_ptr());
+            order.rotate_left(split.axis);
+            let [along, a, b] = order;
+            // SAFETY: as in `sweep`; a node is the same range in all orders.
+            unsafe { avx2::partition_eight(along, [a, b], end - start, split.left) };
+            return;
+        }
         let (on_left, on_right) = self.order[split.axis][start..end].split_at(split.left);
         for &p in on_left {
             self.side[p as usize] = 0;
@@ -210,7 +281,7 @@ impl SweepWorkspace {
                 }
                 continue;
             }
-            scalar::partition(&mut order[start..end], &self.side, &mut self.scratch);
+            scalar::partition(&mut order[start..end], &mut self.scratch, |p| self.side[p]);
         }
     }
 }

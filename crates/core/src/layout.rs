@@ -43,6 +43,22 @@ impl<'a> Subtree<'a> {
         *self.node = BvhNode::leaf(bounds, to_u32(first), to_u32(count));
     }
 
+    /// Puts a finished tree here: `nodes[0]` is its root, its inner nodes name children by index in
+    /// `nodes`, siblings stand adjacent at odd indices, and its leaves stay as they are.
+    ///
+    /// # Panics
+    /// If `nodes` is empty or larger than what the slots suffice for.
+    pub fn fill(self, nodes: &[BvhNode]) {
+        let moved = |node: &BvhNode| BvhNode {
+            first: if node.is_leaf() { node.first } else { node.first + to_u32(self.base - 1) },
+            ..*node
+        };
+        *self.node = moved(&nodes[0]);
+        for (slot, node) in self.below[..nodes.len() - 1].iter_mut().zip(&nodes[1..]) {
+            *slot = moved(node);
+        }
+    }
+
     /// Makes this an inner node and returns the slots of its children, the first with room for
     /// `left` primitives, the second for the rest.
     ///
@@ -222,6 +238,23 @@ mod tests {
             assert_eq!(visited, bvh.nodes.len());
             assert!(seen.iter().all(|&n| n == 1));
             assert_eq!(bvh, build(count, leaf, usize::MAX), "places depend on sizes alone");
+        }
+    }
+
+    #[test]
+    fn a_finished_tree_fits_where_it_would_have_been_built() {
+        let whole = build(1000, 2, usize::MAX);
+        let mut nodes = slots(1001);
+        let [left, right] = Subtree::root(&mut nodes).unwrap().split(Aabb::EMPTY, 1);
+        left.leaf(Aabb::EMPTY, 1000, 1);
+        right.fill(&whole.nodes);
+        let nodes = compact(nodes);
+        assert_eq!(nodes.len(), whole.nodes.len() + 2);
+        // The copy starts at node 2; what is below its root follows at once.
+        assert_eq!(nodes[2].first, whole.nodes[0].first + 2);
+        for (node, copy) in whole.nodes[1..].iter().zip(&nodes[3..]) {
+            let by = if node.is_leaf() { 0 } else { 2 };
+            assert_eq!((copy.first, copy.count), (node.first + by, node.count));
         }
     }
 

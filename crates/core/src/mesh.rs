@@ -93,6 +93,12 @@ impl TriangleMesh {
         Self::new(positions, indices)
     }
 
+    /// The positions and indices, without copying them.
+    #[must_use]
+    pub fn into_parts(self) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+        (self.positions, self.indices)
+    }
+
     /// Vertex positions.
     #[must_use]
     pub fn positions(&self) -> &[Vec3] {

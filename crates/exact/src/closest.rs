@@ -47,8 +47,7 @@ pub fn closest(
 }
 
 /// [`closest`] over all triangles of a mesh: a scan in parallel with a cheap filter in `f64`,
-/// then exact tests of the few that are left. Takes time linear in the mesh, some ten
-/// nanoseconds a triangle and thread.
+/// then exact tests of the few that are left. Takes time linear in the mesh.
 #[must_use]
 pub fn closest_in_mesh(ray: &Ray, mesh: &TriangleMesh) -> Option<Closest> {
     closest(ray, near_line(ray, mesh, 0.0).into_iter().map(|i| (i, mesh.triangle(i as usize))))

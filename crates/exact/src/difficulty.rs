@@ -79,8 +79,11 @@ impl View {
         let ([a, b, c], largest) = self.project(triangle);
         let distance =
             segment_distance(a, b).min(segment_distance(b, c)).min(segment_distance(c, a));
-        let ulps = distance / ulp(largest);
-        if ulps.is_nan() { f64::INFINITY } else { ulps }
+        if triangle.vertices().iter().all(|v| v.is_finite()) {
+            distance / ulp(largest)
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// False only if the line passes the triangle at more than `ulps` in the sense of

@@ -49,3 +49,7 @@ pub use difficulty::{border_distance_ulps, t_error_bound};
 pub use settle::{
     Claim, SettleOptions, Settlement, Verdict, settle, settle_any, settle_any_among, settle_with,
 };
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -269,7 +269,7 @@ fn examine_triangle(
     let border_ulps = border_distance_ulps(ray, triangle);
     let false_hit = Claim::FalseHit { prim_id, border_ulps };
     let near_border = border_ulps <= options.border_ulps;
-    if !is_sound(ray) || !(ray.t_min <= ray.t_max) || has_no_area(triangle) {
+    if !is_sound(ray) || ray.t_min > ray.t_max || has_no_area(triangle) {
         return false_hit;
     }
     let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
@@ -287,7 +287,7 @@ fn examine_triangle(
         return false_hit;
     }
     if let Some(reported) = reported
-        && !((f64::from(reported) - t).abs() <= t_error)
+        && (reported.is_nan() || (f64::from(reported) - t).abs() > t_error)
     {
         return Claim::FalseDistance { prim_id, reported, exact: t, bound: t_error };
     }

@@ -9,7 +9,7 @@ use glam::DVec3;
 use niwaki_core::{Bvh, SahConstants, Triangle, TriangleMesh};
 use rayon::prelude::*;
 
-/// End-point overlap (Aila, Karras and Laine 2013, section 4; thesis section 3.4): the work that
+/// End-point overlap (Aila, Karras and Laine 2013; thesis section 3.4): the work that
 /// rays starting or ending on surfaces waste in nodes whose subtree does not hold that surface,
 ///
 /// `Σ C(n) · A((S ∖ Q(n)) ∩ n) / A(S)` over all nodes,

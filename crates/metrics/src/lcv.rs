@@ -18,7 +18,7 @@ pub struct LeafCounts {
     pub max: u32,
 }
 
-/// Leaf count variability (Aila, Karras and Laine 2013, section 5; thesis section 3.4): the
+/// Leaf count variability (Aila, Karras and Laine 2013; thesis section 3.4): the
 /// standard deviation, over `rays`, of the number of leaves that a ray intersects. It tells how
 /// unequal the work of rays is that run side by side in SIMD lanes. 0 without rays.
 ///
@@ -30,11 +30,12 @@ pub fn lcv(bvh: &Bvh, mesh: &TriangleMesh, rays: &[Ray]) -> f64 {
 
 /// Traces `rays` for their closest hits and counts the leaves each one opens.
 ///
-/// The paper counts the leaf nodes "intersected by a ray" as rays are traced. Here that is every
-/// leaf whose closed box the ray meets within `t_min` and the closest hit found so far, in a
-/// front-to-back traversal that visits the nearer child first (by entry distance, the first child
-/// among equals) and skips a node that lies behind that hit when its turn comes. All slab and
-/// triangle tests are in `f64`. Rays that hit nothing by definition (NaN, zero direction,
+/// The metric is about leaf nodes that a ray intersects as it is traced, which leaves open how
+/// far a traversal looks. Here that is every leaf whose closed box the ray meets between `t_min`
+/// and the closest hit found so far, in a front-to-back traversal that visits the nearer child
+/// first (by entry distance, the first child among equals) and skips a node that lies behind that
+/// hit when its turn comes. All slab and triangle tests are in `f64`. Rays that hit nothing by
+/// definition (NaN, zero direction,
 /// `t_max < t_min`) open no leaf but count as rays.
 ///
 /// Same result for every number of threads.
@@ -69,7 +70,7 @@ impl Tracer<'_> {
         let t_min = f64::from(ray.t_min);
         let mut closest = f64::from(ray.t_max);
         let sound = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
-        if !sound || !(t_min <= closest) {
+        if !sound || t_min.is_nan() || closest.is_nan() || t_min > closest {
             return 0;
         }
         let entry = |position: u32, closest: f64| {

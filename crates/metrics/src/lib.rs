@@ -42,3 +42,7 @@ pub use lcv::{LeafCounts, lcv, leaf_counts};
 pub use sah::sah;
 pub use stats::TreeStats;
 pub use validate::{ValidateOptions, Violation, validate, validate_with};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -283,11 +283,13 @@ fn boxes(bvh: &Bvh, max: usize) -> Vec<Violation> {
             let bad = !bounds.is_finite() || bounds.is_empty();
             let bad = bad.then(|| Violation::BadBox { node: to_u32(i), bounds });
             let children = if node.is_leaf() { 0..0 } else { 0..2 };
-            let outside = children.map(|k| node.children()[k]).filter_map(move |child| {
-                (!bounds.contains(&bvh.nodes[child].aabb())).then(|| {
-                    Violation::ChildOutsideParent { node: to_u32(i), child: to_u32(child) }
-                })
-            });
+            let outside = children
+                .map(|k| node.children()[k])
+                .filter(move |&child| !bounds.contains(&bvh.nodes[child].aabb()))
+                .map(move |child| Violation::ChildOutsideParent {
+                    node: to_u32(i),
+                    child: to_u32(child),
+                });
             bad.into_iter().chain(outside)
         })
         .collect();
@@ -336,11 +338,8 @@ fn coverage(
                 return Some(Violation::PrimOutsideLeaf { prim_id, node: *node });
             }
             let uncovered = uncovered(&corners, group.iter().map(leaf_box));
-            (!(uncovered <= options.uncovered_area)).then_some(Violation::PrimNotCovered {
-                prim_id,
-                leaves: group.len(),
-                uncovered,
-            })
+            (uncovered > options.uncovered_area || uncovered.is_nan())
+                .then_some(Violation::PrimNotCovered { prim_id, leaves: group.len(), uncovered })
         })
         .collect();
     found.truncate(max);

@@ -49,6 +49,18 @@ pub enum PeerError {
         /// What it said.
         message: String,
     },
+    /// The tree has more levels than obvhs's 8-wide traversal has a stack for, so that it would
+    /// lose hits. Remedy: trace with [`crate::ObvhsKernel::Bvh2`], or remove equal triangles.
+    #[error(
+        "obvhs built an 8-wide tree at least {depth} levels deep, but can traverse only {max}; \
+         use its binary kernel or remove equal triangles"
+    )]
+    TooDeep {
+        /// Levels of 8-wide nodes below the root, at least.
+        depth: usize,
+        /// Levels that it can traverse.
+        max: usize,
+    },
     /// The input or a setting is not one that a builder accepts.
     #[error(transparent)]
     Input(#[from] BuildError),
@@ -71,4 +83,26 @@ pub(crate) fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
         .cloned()
         .or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned()))
         .unwrap_or_else(|| "no message".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absence_tells_what_was_tried_and_what_to_do() {
+        let searched = crate::LIBRARY_NAMES.iter().map(|&name| name.to_owned()).collect();
+        let text = PeerError::NotFound { searched }.to_string();
+        for part in crate::LIBRARY_NAMES.iter().chain(&["ci/setup-embree.sh", "EMBREE_LIBRARY"]) {
+            assert!(text.contains(part), "{text}");
+        }
+    }
+
+    #[test]
+    fn panics_of_peers_keep_their_message() {
+        let formatted = std::panic::catch_unwind(|| panic!("{} of {}", 3, 2)).unwrap_err();
+        assert_eq!(panic_message(&*formatted), "3 of 2");
+        assert_eq!(panic_message(&"literal"), "literal");
+        assert_eq!(panic_message(&7), "no message");
+    }
 }

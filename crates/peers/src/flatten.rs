@@ -47,3 +47,46 @@ pub(crate) fn flatten<H: Copy>(
     }
     Some(Bvh { nodes, prim_ids })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_core::glam::Vec3;
+
+    #[test]
+    fn a_chain_of_a_million_levels_is_flattened() {
+        const LEVELS: u32 = 1_000_000;
+        let unit = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        // Even handles are inner nodes: a leaf, and the next inner node or a last leaf.
+        let bvh = flatten(0_u32, unit, |node, ids| {
+            if node % 2 == 1 || node / 2 == LEVELS {
+                ids.push(node / 2);
+                return Read::Leaf;
+            }
+            Read::Inner([(node + 1, unit), (node + 2, unit)])
+        })
+        .unwrap();
+        assert_eq!(bvh.nodes.len(), 2 * LEVELS as usize + 1);
+        assert!(bvh.prim_ids.iter().copied().eq(0..=LEVELS));
+        let inner = bvh.nodes.iter().enumerate().filter(|(_, node)| !node.is_leaf());
+        for (i, node) in inner {
+            assert!(node.first as usize > i, "children come after their parent");
+        }
+    }
+
+    #[test]
+    fn broken_trees_are_noticed() {
+        let unit = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        assert_eq!(flatten((), unit, |(), _| Read::Missing), None);
+        assert_eq!(flatten((), unit, |(), _| Read::Leaf), None);
+        let with_hole = |node: u32, ids: &mut Vec<u32>| match node {
+            0 => Read::Inner([(1, unit), (2, unit)]),
+            1 => {
+                ids.push(0);
+                Read::Leaf
+            }
+            _ => Read::Missing,
+        };
+        assert_eq!(flatten(0, unit, with_hole), None);
+    }
+}

@@ -27,17 +27,22 @@
 pub mod embree;
 mod error;
 mod flatten;
-mod obvhs_peer;
+pub mod obvhs;
 mod ray;
 
+pub use self::obvhs::{ObvhsKernel, ObvhsPreset, ObvhsScene};
 pub use embree::{
     Embree, EmbreeBvhSettings, EmbreeScene, EmbreeSettings, EmbreeVersion, LIBRARY_NAMES, Quality,
 };
 pub use error::PeerError;
-pub use obvhs_peer::{ObvhsKernel, ObvhsPreset, ObvhsScene};
 
 use niwaki_core::Bvh;
 use std::time::{Duration, Instant};
+
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 /// A peer's tree in our layout.
 #[derive(Clone, Debug, PartialEq)]

@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn densities_integrate_to_one() {
-        for alpha in [0.1, 0.4, 1.0] {
+        for alpha in [0.25, 0.5, 1.0] {
             for wo in [Vec3::Z, Vec3::new(0.8, 0.0, 0.6), Vec3::new(0.0, 0.995, 0.0999)] {
                 let n = 512;
                 let (mut visible, mut projected) = (0.0_f64, 0.0_f64);

@@ -4,17 +4,23 @@
 //! threads: random numbers, sines and noise are computed here, from IEEE additions,
 //! multiplications, divisions and square roots alone.
 
+mod atrium;
+mod city;
 mod curve;
 mod dragon;
+mod foliage;
 mod hair;
 mod math;
 mod piece;
+mod pipes;
 mod random;
+mod stadium;
 
 use crate::Scene;
 
 /// The scenes that [`generate`] makes.
-pub const NAMES: &[&str] = &["dragon", "hair"];
+pub const NAMES: &[&str] = 
+    &["dragon", "hair", "atrium", "city", "pipes", "foliage", "stadium"];
 
 /// Makes a scene of about `triangles` triangles (within 5 % from 1,000 on), or `None` for an
 /// unknown name.
@@ -25,6 +31,11 @@ pub fn generate(name: &str, triangles: usize, seed: u64) -> Option<Scene> {
     let plan = match name {
         "dragon" => dragon::plan(triangles, seed),
         "hair" => hair::plan(triangles, seed),
+        "atrium" => atrium::plan(triangles, seed),
+        "city" => city::plan(triangles, seed),
+        "pipes" => pipes::plan(triangles, seed),
+        "foliage" => foliage::plan(triangles, seed),
+        "stadium" => stadium::plan(triangles, seed),
         _ => return None,
     };
     Some(plan.into_scene(name))

@@ -7,17 +7,21 @@
 //! # Ok::<(), &str>(())
 //! ```
 
+mod automatic;
 pub mod error;
 pub mod generate;
+pub mod instanced;
 pub mod light;
 pub mod load;
 pub mod material;
 pub mod scene;
 pub mod texture;
 
+pub use automatic::{AutomaticView, automatic_camera};
 pub use error::LoadError;
+pub use instanced::{FlattenError, Instance, InstancedScene, Part};
 pub use light::{Camera, Environment, Light, LightKind};
-pub use load::{LoadOptions, load};
+pub use load::{LoadOptions, load, load_instanced};
 pub use material::{AlphaMode, Material};
 pub use scene::{Dropped, Scene};
 pub use texture::{Texture, Wrap};

@@ -1,6 +1,6 @@
 //! Cameras, punctual lights and what surrounds the scene.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A pinhole camera. Coordinates are right-handed; the image's right is `forward × up`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,18 +21,24 @@ impl Camera {
     /// that can; the angle is kept between 0.01 and 3.1 radians.
     #[must_use]
     pub fn look_at(position: Vec3, target: Vec3, up: Vec3, vertical_fov: f32) -> Self {
+        let direction = target.as_dvec3() - position.as_dvec3();
+        Self::facing(position, direction, up, vertical_fov)
+    }
+
+    /// A camera at `position` that looks along `direction` (any length), otherwise as
+    /// [`Camera::look_at`].
+    #[must_use]
+    pub fn facing(position: Vec3, direction: DVec3, up: Vec3, vertical_fov: f32) -> Self {
         // In f64, where neither 1e30 squared overflows nor 1e-30 squared vanishes.
-        let forward = (target.as_dvec3() - position.as_dvec3())
-            .try_normalize()
-            .map_or(Vec3::NEG_Z, |d| d.as_vec3());
+        let forward = direction.try_normalize().unwrap_or(DVec3::NEG_Z);
         let right = forward
-            .as_dvec3()
             .cross(up.as_dvec3())
             .try_normalize()
-            .map_or_else(|| forward.any_orthonormal_vector(), |d| d.as_vec3());
+            .unwrap_or_else(|| forward.any_orthonormal_vector());
         let vertical_fov =
             if vertical_fov.is_finite() { vertical_fov.clamp(0.01, 3.1) } else { 0.8 };
-        Self { position, forward, up: right.cross(forward).normalize(), vertical_fov }
+        let up = right.cross(forward).as_vec3();
+        Self { position, forward: forward.as_vec3(), up, vertical_fov }
     }
 
     /// The image's direction to the right, unit length.

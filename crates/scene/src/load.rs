@@ -1,18 +1,28 @@
 //! Loading by file name.
 
-use crate::{LoadError, Scene};
+mod accessor;
+mod container;
+mod gltf;
+mod gltf_material;
+mod gltf_mesh;
+mod image;
+mod mtl;
+mod obj;
+mod part;
+mod read;
+
+use crate::{InstancedScene, LoadError, Scene, instanced::FlattenError};
 use std::path::Path;
 
 /// What a loader may do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct LoadOptions {
     /// Decode textures. Without them scenes load faster and materials keep their plain colours.
     /// Default true.
     pub textures: bool,
-    /// The most triangles a scene may have once its instances are flattened. Default 2³⁰.
+    /// The most triangles that a scene may have, stored and once flattened. Default 2³⁰.
     pub max_triangles: u64,
-    /// The most bytes that one file may unpack to. Default 2³⁵.
+    /// The most bytes that one file may have, unpacked. Default 2³⁵.
     pub max_bytes: u64,
 }
 
@@ -22,10 +32,41 @@ impl Default for LoadOptions {
     }
 }
 
-/// Loads a scene: `.obj`, `.gltf` or `.glb`, each also packed with zstd (`.obj.zst` and so on).
+/// Loads a scene: `.obj`, `.gltf` or `.glb`, each also packed with zstd (`.obj.zst` and so on),
+/// with every instance of a mesh as triangles of its own.
+///
+/// What can be kept is kept, degenerate triangles included; [`Scene::dropped`] counts and names
+/// what cannot. Skins, morph targets and animations are not read: meshes stand as they are at
+/// rest.
 ///
 /// # Errors
 /// [`LoadError`] says what in which file is wrong and what helps.
-pub fn load(path: &Path, _options: &LoadOptions) -> Result<Scene, LoadError> {
-    Err(LoadError::UnknownFormat { path: path.into() })
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, LoadError> {
+    load_instanced(path, options)?.flatten(options).map_err(|error| match error {
+        FlattenError::Mesh(source) => LoadError::Mesh { path: path.into(), source },
+        FlattenError::TooLarge { limit, .. } => LoadError::TooLarge {
+            path: path.into(),
+            what: "its triangles or vertices",
+            limit,
+            option: "max_triangles",
+        },
+    })
+}
+
+/// Loads a scene as [`load`] does, but with meshes stored once and the places where they stand.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_instanced(path: &Path, options: &LoadOptions) -> Result<InstancedScene, LoadError> {
+    let unknown = || LoadError::UnknownFormat { path: path.into() };
+    let file = path.file_name().ok_or_else(unknown)?.to_string_lossy().into_owned();
+    let lower = file.to_ascii_lowercase();
+    let plain = lower.strip_suffix(".zst").unwrap_or(&lower);
+    let (stem, extension) = plain.rsplit_once('.').ok_or_else(unknown)?;
+    let name = file.get(..stem.len()).unwrap_or(stem);
+    match extension {
+        "obj" => obj::load(path, name, options),
+        "gltf" | "glb" => gltf::load(path, name, options),
+        _ => Err(unknown()),
+    }
 }

@@ -265,7 +265,7 @@ fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
 }
 
 /// Every id names a triangle.
-pub(crate) fn check_ids(ids: &[u32], mesh: &TriangleMesh) -> Result<(), SceneError> {
+fn check_ids(ids: &[u32], mesh: &TriangleMesh) -> Result<(), SceneError> {
     let triangles = mesh.len();
     match ids.par_iter().with_min_len(1 << 16).find_first(|&&id| id as usize >= triangles) {
         None => Ok(()),

@@ -11,7 +11,7 @@ pub enum SceneError {
     /// tree was built over.
     #[error("the tree refers to triangle {prim_id}, but the mesh has {triangles}")]
     NoSuchTriangle {
-        /// The first such id in leaf order.
+        /// One such id.
         prim_id: u32,
         /// How many triangles there are.
         triangles: usize,

@@ -29,6 +29,10 @@
 //!
 //! There are no feature flags.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod binary;
 mod brute;
 mod counts;
@@ -37,6 +41,10 @@ mod kernel;
 mod scalar;
 mod scale;
 mod setup;
+#[cfg(target_arch = "x86_64")]
+mod simd;
+#[cfg(target_arch = "x86_64")]
+mod stack;
 mod triangle;
 mod wide;
 
@@ -46,3 +54,7 @@ pub use counts::Counts;
 pub use error::SceneError;
 pub use kernel::Kernel;
 pub use wide::WideScene;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -97,7 +97,7 @@ fn intersect_leaf(scene: &WideScene, first: usize, n: usize, setup: &RaySetup, h
             Vec3::new(rows[row * n + i], rows[(row + 1) * n + i], rows[(row + 2) * n + i])
         };
         let triangle = EdgeTriangle { v0: vec(0), e1: vec(3), e2: vec(6) };
-        let id = rows[9 * n + i].to_bits();
+        let id = scene.prim_ids[first + i];
         intersect(&triangle, id, setup.origin, setup.direction, setup.t_min, hit);
     }
 }

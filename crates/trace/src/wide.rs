@@ -1,11 +1,14 @@
 //! The 8-wide tree with its triangles.
 
 use crate::{
-    Counts, Kernel, SceneError, binary::check_ids, counts::Counter, scalar, scale::SceneScale,
-    setup::RaySetup, triangle::EdgeTriangle,
+    Counts, Kernel, SceneError, counts::Counter, scalar, scale::SceneScale, setup::RaySetup,
+    triangle::EdgeTriangle,
 };
+#[cfg(target_arch = "x86_64")]
+use crate::{avx2, avx512};
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_wide::{Bvh8, CollapseSettings, Node8};
+use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8};
+use rayon::prelude::*;
 
 /// An 8-wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
 /// processor has unless [`WideScene::with_kernel`] chooses another.
@@ -14,16 +17,26 @@ use niwaki_wide::{Bvh8, CollapseSettings, Node8};
 #[derive(Clone, Debug)]
 pub struct WideScene {
     pub(crate) nodes: Vec<Node8>,
-    /// Per leaf of n triangles ten rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z, id. A leaf
-    /// whose first reference is `i` begins at word `10·i`.
+    /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z. A leaf
+    /// whose first reference is `i` begins at word `9·i`. Whole vectors are read, so lanes past
+    /// the n-th see other rows and leaves: nothing but coordinates is here, as ids would look
+    /// like denormals, which make arithmetic slow.
     pub(crate) triangles: Vec<f32>,
+    /// Ids in the order of the leaves.
+    pub(crate) prim_ids: Vec<u32>,
     pub(crate) scale: SceneScale,
     pub(crate) stack_bound: usize,
     kernel: Kernel,
 }
 
 /// Words that a triangle takes in [`WideScene::triangles`].
-pub(crate) const WORDS: usize = 10;
+pub(crate) const WORDS: usize = 9;
+
+/// What vectors may read past the end of the last leaf.
+const PADDING: usize = 8;
+
+/// Nodes whose leaves one task fills.
+const NODE_CHUNK: usize = 512;
 
 impl WideScene {
     /// Collapses a tree with default settings and lays its triangles out, on the current rayon
@@ -40,38 +53,33 @@ impl WideScene {
     /// # Errors
     /// [`SceneError::NoSuchTriangle`] if the tree is not of this mesh.
     pub fn build_from(bvh: Bvh8, mesh: &TriangleMesh) -> Result<Self, SceneError> {
-        check_ids(bvh.prim_ids(), mesh)?;
         let scale = SceneScale::of(&bvh.bounds());
-        // Vectors may be read past the end of the last leaf.
-        let mut triangles = vec![0.0; WORDS * bvh.prim_ids().len() + 16];
-        for node in bvh.nodes() {
-            for child in node.iter() {
-                let niwaki_wide::Child::Leaf { first, count } = child else { continue };
-                let (first, n) = (first as usize, count as usize);
-                let rows = &mut triangles[WORDS * first..WORDS * (first + n)];
-                for (i, &id) in bvh.prim_ids()[first..first + n].iter().enumerate() {
-                    let t = EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)));
-                    for axis in 0..3 {
-                        rows[axis * n + i] = t.v0[axis];
-                        rows[(3 + axis) * n + i] = t.e1[axis];
-                        rows[(6 + axis) * n + i] = t.e2[axis];
-                    }
-                    rows[9 * n + i] = f32::from_bits(id);
-                }
-            }
-        }
         let stack_bound = bvh.stack_bound();
-        let mut nodes = bvh.nodes().to_vec();
+        let (mut nodes, prim_ids) = bvh.into_parts();
+        let mut triangles = vec![0.0; WORDS * prim_ids.len() + PADDING];
+        // The leaves of consecutive nodes have consecutive references: one share of the words per
+        // chunk of nodes.
+        let mut rest = triangles.as_mut_slice();
+        let shares: Vec<_> = nodes
+            .chunks(NODE_CHUNK)
+            .map(|chunk| {
+                let prims: usize = chunk.iter().map(|node| node.prim_count as usize).sum();
+                let (share, after) = std::mem::take(&mut rest).split_at_mut(WORDS * prims);
+                rest = after;
+                (chunk, share)
+            })
+            .collect();
+        shares
+            .into_par_iter()
+            .try_for_each(|(chunk, share)| fill(share, chunk, &prim_ids, mesh, scale))?;
         if scale.factor != 1.0 {
-            for node in &mut nodes {
-                for row in &mut node.bounds {
-                    for plane in row {
-                        *plane *= scale.factor;
-                    }
+            nodes.par_iter_mut().with_min_len(NODE_CHUNK).for_each(|node| {
+                for plane in node.bounds.as_flattened_mut() {
+                    *plane *= scale.factor;
                 }
-            }
+            });
         }
-        Ok(Self { nodes, triangles, scale, stack_bound, kernel: Kernel::best() })
+        Ok(Self { nodes, triangles, prim_ids, scale, stack_bound, kernel: Kernel::best() })
     }
 
     /// The same scene traced by another kernel.
@@ -95,7 +103,8 @@ impl WideScene {
     /// Bytes that nodes and triangles take.
     #[must_use]
     pub const fn bytes(&self) -> usize {
-        size_of::<Node8>() * self.nodes.len() + size_of::<f32>() * self.triangles.len()
+        size_of::<Node8>() * self.nodes.len()
+            + size_of::<f32>() * (self.triangles.len() + self.prim_ids.len())
     }
 
     /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
@@ -123,12 +132,67 @@ impl WideScene {
     }
 }
 
+/// Fills the words of the leaves of consecutive nodes.
+fn fill(
+    words: &mut [f32],
+    nodes: &[Node8],
+    prim_ids: &[u32],
+    mesh: &TriangleMesh,
+    scale: SceneScale,
+) -> Result<(), SceneError> {
+    let mut rest = words;
+    for node in nodes {
+        for child in node.iter() {
+            let Child::Leaf { first, count } = child else { continue };
+            let n = count as usize;
+            let (rows, after) = rest.split_at_mut(WORDS * n);
+            rest = after;
+            for (i, &id) in prim_ids[first as usize..][..n].iter().enumerate() {
+                if id as usize >= mesh.len() {
+                    return Err(SceneError::NoSuchTriangle { prim_id: id, triangles: mesh.len() });
+                }
+                let t = EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)));
+                let words = [t.v0, t.e1, t.e2].map(|v| v.to_array());
+                for (row, &word) in words.as_flattened().iter().enumerate() {
+                    rows[row * n + i] = word;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
 impl Intersector for WideScene {
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        self.trace_scalar::<false, _>(ray, &mut ())
+        let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
+        if self.nodes.is_empty() {
+            return Hit::MISS;
+        }
+        let hit = match self.kernel {
+            // SAFETY: `with_kernel` and `build_from` take available kernels only.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => unsafe { avx512::closest(self, &setup) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => unsafe { avx2::closest(self, &setup) },
+            _ => scalar::trace::<false, _>(self, &setup, &mut ()),
+        };
+        setup.finish(hit)
     }
 
     fn any_hit(&self, ray: &Ray) -> bool {
-        self.trace_scalar::<true, _>(ray, &mut ()).is_hit()
+        let Some(setup) = RaySetup::new(ray, self.scale) else { return false };
+        if self.nodes.is_empty() {
+            return false;
+        }
+        match self.kernel {
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => unsafe { avx512::any(self, &setup) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => unsafe { avx2::any(self, &setup) },
+            _ => scalar::trace::<true, _>(self, &setup, &mut ()).is_hit(),
+        }
     }
 }

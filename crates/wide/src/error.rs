@@ -5,8 +5,9 @@
 #[non_exhaustive]
 pub enum CollapseError {
     /// An inner node's children are missing or stand before it, a leaf's range leaves
-    /// [`niwaki_core::Bvh::prim_ids`], or a node is reached twice. Remedy: correct the builder;
-    /// `niwaki_metrics::validate` names every such fault.
+    /// [`niwaki_core::Bvh::prim_ids`], or nodes are reached so often that more references result
+    /// than there are. (A node with two parents may go unnoticed otherwise; the result is sound
+    /// all the same.) Remedy: correct the builder; `niwaki_metrics::validate` names every fault.
     #[error("node {node} of {nodes} is not part of a well-formed tree")]
     Malformed {
         /// The node at which the fault showed.

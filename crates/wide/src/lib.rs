@@ -40,3 +40,7 @@ mod node;
 pub use collapse::CollapseSettings;
 pub use error::CollapseError;
 pub use node::{Bvh8, Child, Node8};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -162,6 +162,12 @@ impl Bvh8 {
         self.bounds.unwrap_or(Aabb::EMPTY)
     }
 
+    /// Takes the tree apart into nodes and primitive ids, for a kernel that keeps both.
+    #[must_use]
+    pub fn into_parts(self) -> (Vec<Node8>, Vec<u32>) {
+        (self.nodes, self.prim_ids)
+    }
+
     /// Number of node levels: 0 without nodes, 1 for a root whose children are leaves.
     #[must_use]
     pub const fn levels(&self) -> usize {

@@ -5,7 +5,7 @@ mod break_even;
 mod html;
 mod model;
 mod plots;
-mod table;
+pub(crate) mod table;
 mod tables;
 
 use crate::cli::ReportArgs;

@@ -35,9 +35,9 @@ pub struct EmbreeBvhSettings {
     pub min_leaf_size: u32,
     /// No leaf has more, 1 to 32; default 32.
     pub max_leaf_size: u32,
-    /// Levels below the root after which Embree gives up, default 72. From 8 levels before on it
-    /// halves lists without looking at costs, so Embree's own default of 32, meant for wider
-    /// trees, would spoil binary trees of a few hundred thousand triangles.
+    /// Levels below the root after which Embree gives up, 9 to 1000, default 72. From 8 levels
+    /// before on it halves lists without looking at costs. Embree's own default of 32 is meant for
+    /// wider trees; on evenly tessellated scenes it makes little difference (Sponza: 0.01 %).
     pub max_depth: u32,
     /// For [`Quality::High`]: room for references after spatial splits, as a multiple of the
     /// number of primitives, at least 1; default 2, as Embree's manual suggests.
@@ -101,8 +101,11 @@ impl Embree {
     /// A binary tree over a mesh by one of Embree's builders. [`PeerBuild::build`] covers the list
     /// of primitives and `rtcBuildBVH`, as `Builder::build_mesh` covers both for our builders.
     ///
-    /// With several threads the tree's shape may differ from run to run: which fragments fit into
-    /// the room for splits depends on timing.
+    /// [`Quality::High`] clips by a callback into this crate, which is conservative, and takes
+    /// about five times as long as Embree's own scenes do (measured on Sponza, one thread): take
+    /// its *trees* from here, but its build time from [`crate::EmbreeScene::commit_time`].
+    ///
+    /// Embree does not promise the same tree for every run and number of threads.
     ///
     /// # Errors
     /// [`PeerError::Input`] for settings out of range, [`PeerError::Embree`] if Embree fails.

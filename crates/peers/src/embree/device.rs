@@ -64,7 +64,7 @@ impl std::fmt::Display for EmbreeVersion {
 ///
 /// Rounding and denormals: Embree's manual recommends that callers set the flush-to-zero and
 /// denormals-are-zero bits of MXCSR. Rust code must not run with these changed, so this crate
-/// leaves them alone, and queries treat denormals as IEEE 754 says. Normal scenes trace no slower.
+/// leaves them alone, and queries treat denormals as IEEE 754 says.
 #[derive(Clone, Debug)]
 pub struct Embree {
     pub(super) device: Arc<Device>,

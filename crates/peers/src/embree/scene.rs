@@ -15,10 +15,11 @@ use std::{
 
 /// A committed Embree scene of one triangle mesh.
 ///
-/// What differs from this workspace's kernels: Embree accepts `t` strictly above `t_min`; it drops
-/// triangles with a coordinate beyond 1.844e18 while building; and its default kernels are not
-/// watertight (`robust` ones nearly). Rays that [`Ray`] documents as hitting nothing (NaN, zero
-/// direction, `t_max < t_min`) are answered here without asking Embree, which leaves them undefined.
+/// What differs from this workspace's kernels: Embree's default kernels accept `t` strictly above
+/// `t_min` (robust ones from `t_min` on); it drops triangles with a coordinate beyond 1.844e18
+/// while building; and neither kind of kernel is watertight, though robust ones miss less. Rays
+/// that [`Ray`] documents as hitting nothing (NaN, zero direction, `t_max < t_min`) are answered
+/// here without asking Embree, which leaves them undefined.
 #[derive(Debug)]
 pub struct EmbreeScene {
     scene: Handle,
@@ -61,9 +62,7 @@ impl EmbreeScene {
         // releases the scene before it drops them.
         unsafe {
             let scene = (api.new_scene)(device.handle);
-            if scene.is_null() {
-                device.check("rtcNewScene")?;
-            }
+            device.check("rtcNewScene")?;
             let mut result = Self {
                 scene,
                 commit_time: Duration::ZERO,

@@ -36,6 +36,39 @@ impl Patch {
     }
 }
 
+impl Patch {
+    /// Adds another patch behind this one.
+    pub(super) fn append(&mut self, other: &Self) {
+        let base = to_u32(self.positions.len());
+        self.positions.extend_from_slice(&other.positions);
+        self.indices.extend(other.indices.iter().map(|t| t.map(|i| i + base)));
+    }
+}
+
+/// A tube through rings, each a center and a direction, of `around` corners that `surface`
+/// places; it gets center, direction and how far around (0 to 1).
+pub(super) fn rings(
+    rings: &[(DVec3, DVec3)],
+    around: usize,
+    surface: impl Fn(DVec3, DVec3, f64) -> DVec3,
+) -> Patch {
+    let mut patch = Patch::default();
+    for &(center, direction) in rings {
+        patch.positions.extend(
+            (0..around).map(|i| surface(center, direction, i as f64 / around as f64).as_vec3()),
+        );
+    }
+    for ring in 1..rings.len() {
+        let (low, high) = ((ring - 1) * around, ring * around);
+        for i in 0..around {
+            let next = (i + 1) % around;
+            let [a, b, c, d] = [low + i, low + next, high + next, high + i].map(to_u32);
+            patch.indices.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    patch
+}
+
 type Emit = Box<dyn Fn() -> Patch + Send + Sync>;
 
 /// Everything that a generator decides before the vertices are computed.
@@ -120,7 +153,6 @@ impl Plan {
 }
 
 /// A mapped grid; rows are computed in parallel.
-#[expect(clippy::cast_precision_loss, reason = "grid sizes are far below 2^53")]
 fn grid(nu: usize, nv: usize, wrap: Wrap, f: &(impl Fn(f64, f64) -> DVec3 + Sync)) -> Patch {
     let columns = if wrap == Wrap::No { nu + 1 } else { nu };
     let rows = if wrap == Wrap::Both { nv } else { nv + 1 };
@@ -182,6 +214,11 @@ impl Budget {
         let share = self.triangles as f64 * (weight / self.weight.max(weight)).clamp(0.0, 1.0);
         self.weight = (self.weight - weight).max(0.0);
         share as usize
+    }
+
+    /// How many triangles are not spent.
+    pub(super) const fn left(&self) -> usize {
+        self.triangles
     }
 
     /// What the part really took.

@@ -1,0 +1,98 @@
+//! `memory_bound` holds and is not far off, measured by an allocator that counts.
+
+use niwaki_build_bonsai::{Bonsai, Pruning};
+use niwaki_build_sweep::Sweep;
+use niwaki_core::glam::Vec3;
+use niwaki_core::{Builder, TriangleMesh};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+struct Counting;
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: passes everything on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        PEAK.fetch_max(NOW.fetch_add(layout.size(), SeqCst) + layout.size(), SeqCst);
+        // SAFETY: as asked.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        PEAK.fetch_max(NOW.fetch_add(layout.size(), SeqCst) + layout.size(), SeqCst);
+        // SAFETY: as asked.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), SeqCst);
+        // SAFETY: as asked.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// A bumpy sheet of about `count` triangles.
+fn sheet(count: usize) -> TriangleMesh {
+    let side = u32::try_from((count / 2).isqrt()).unwrap();
+    let positions = (0..=side)
+        .flat_map(|y| (0..=side).map(move |x| (x as f32, y as f32)))
+        .map(|(x, y)| Vec3::new(x, y, (x * 0.1).sin() * (y * 0.07).cos() * 20.0))
+        .collect();
+    let indices = (0..side)
+        .flat_map(|y| (0..side).map(move |x| (y * (side + 1) + x, (y + 1) * (side + 1) + x)))
+        .flat_map(|(i, j)| [[i, i + 1, j], [j, i + 1, j + 1]])
+        .collect();
+    TriangleMesh::new(positions, indices).unwrap()
+}
+
+fn peak(builder: &dyn Builder, mesh: &TriangleMesh) -> usize {
+    let before = NOW.load(SeqCst);
+    PEAK.store(before, SeqCst);
+    let bvh = builder.build_mesh(mesh).unwrap();
+    let peak = PEAK.load(SeqCst) - before;
+    assert!(bvh.bytes() <= peak);
+    peak
+}
+
+/// One test, because the counters are global.
+#[test]
+fn bounds_hold_and_are_tight() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    pool.install(|| {
+        let everything_cut = Bonsai { pruning: Pruning::Mean(0.0), ..Bonsai::bonsai() };
+        let single_leaves = Bonsai { max_leaf_size: 1, ..everything_cut };
+        for count in [1000, 30_000, 400_000] {
+            let mesh = sheet(count);
+            let builders: [(&dyn Builder, usize); 6] = [
+                (&Bonsai::bonsai(), 4),
+                (&Bonsai::bonsai_p(), 4),
+                (&Bonsai::bonsai_p_star(), 4),
+                (&everything_cut, 3),
+                (&single_leaves, 2),
+                (&Sweep::default(), 2),
+            ];
+            for (builder, slack) in builders {
+                let (peak, bound) = (peak(builder, &mesh), builder.memory_bound(mesh.len()));
+                println!(
+                    "{} {count}: {} of {}",
+                    builder.name(),
+                    peak / mesh.len(),
+                    bound / mesh.len()
+                );
+                assert!(peak <= bound, "{} {count}: {peak} over {bound}", builder.name());
+                if count == 400_000 {
+                    assert!(bound <= slack * peak, "{}: {bound} for {peak}", builder.name());
+                }
+            }
+        }
+        // The target for large meshes, the fixed part of workspaces left out.
+        let mesh = sheet(400_000);
+        let peak = peak(&Bonsai::bonsai_p(), &mesh);
+        assert!(peak < 200 * mesh.len(), "{} bytes a triangle", peak / mesh.len());
+    });
+}

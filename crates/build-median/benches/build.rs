@@ -1,0 +1,30 @@
+//! Build time by number of triangles, on the current pool: `cargo bench -p niwaki-build-median`.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use niwaki_build_median::{ObjectMedian, SpatialMedian};
+use niwaki_core::Builder;
+use std::hint::black_box;
+
+fn build(criterion: &mut Criterion) {
+    let builders: [(&str, Box<dyn Builder>); 2] = [
+        ("object", Box::new(ObjectMedian::default())),
+        ("spatial", Box::new(SpatialMedian::default())),
+    ];
+    let mut group = criterion.benchmark_group("median");
+    for count in [10_000, 100_000] {
+        let prims = support::soup(count, 1).prim_refs();
+        group.throughput(Throughput::Elements(count as u64));
+        for (name, builder) in &builders {
+            group.bench_with_input(BenchmarkId::new(*name, count), &prims, |bencher, prims| {
+                bencher.iter(|| builder.build(black_box(prims)));
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, build);
+criterion_main!(benches);

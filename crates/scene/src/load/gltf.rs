@@ -1,0 +1,243 @@
+//! glTF 2.0 documents: nodes, cameras, lights.
+//!
+//! The `gltf` crate reads the JSON; every index and range is checked here, because its typed
+//! readers trust them.
+
+use super::{
+    LoadOptions,
+    accessor::Document,
+    container::{buffers, split_glb},
+    gltf_material, gltf_mesh, read,
+};
+use crate::{Camera, Dropped, Instance, InstancedScene, Light, LightKind, LoadError};
+use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
+use gltf::json::{
+    Node, Root, camera, extensions::scene::khr_lights_punctual as punctual, validation::Checked,
+};
+use std::path::Path;
+
+/// Extensions that change what this crate reads and that it understands.
+const UNDERSTOOD: &[&str] = &[
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Loads `.gltf` or `.glb` bytes.
+pub(super) fn load(
+    path: &Path,
+    name: &str,
+    options: &LoadOptions,
+) -> Result<InstancedScene, LoadError> {
+    let bytes = read::bytes(path, options)?;
+    let (json, binary) = if bytes.starts_with(b"glTF") {
+        split_glb(path, &bytes)?
+    } else {
+        (bytes.as_slice(), None)
+    };
+    let root: Root =
+        gltf::json::deserialize::from_slice(json).map_err(|error| LoadError::Gltf {
+            path: path.into(),
+            at: format!("JSON line {} column {}", error.line(), error.column()),
+            reason: error.to_string(),
+            remedy: "export the file again, or see what the Khronos glTF validator says",
+        })?;
+    let buffers = buffers(path, &root, binary, options)?;
+    let document = Document { path, root: &root, buffers: &buffers };
+    let mut dropped = Dropped::default();
+    check_extensions(&document, &mut dropped)?;
+    let materials = gltf_material::read(&document, options, &mut dropped);
+    let meshes = gltf_mesh::read(&document, &materials, options, &mut dropped)?;
+    let mut scene = InstancedScene {
+        name: name.into(),
+        parts: meshes.parts,
+        instances: Vec::new(),
+        materials: materials.materials,
+        textures: materials.textures,
+        cameras: Vec::new(),
+        lights: Vec::new(),
+        environment: None,
+        dropped,
+    };
+    walk(&document, &meshes.ranges, &mut scene)?;
+    Ok(scene)
+}
+
+fn check_extensions(document: &Document<'_>, dropped: &mut Dropped) -> Result<(), LoadError> {
+    for (i, name) in document.root.extensions_required.iter().enumerate() {
+        if UNDERSTOOD.contains(&name.as_str()) {
+            continue;
+        }
+        if name.starts_with("KHR_materials_") || name.contains("_texture_") {
+            dropped.note(|| format!("the file requires {name}, which is not simulated"));
+            continue;
+        }
+        return Err(document.fail(
+            format!("extensionsRequired[{i}]"),
+            format!("{name} is not supported"),
+            "export the file without it (no mesh compression, no GPU instancing)",
+        ));
+    }
+    Ok(())
+}
+
+/// The nodes to begin with: those of the default scene, of the first, or, in a file without
+/// scenes, those that are no node's child.
+fn roots(document: &Document<'_>) -> Result<Vec<usize>, LoadError> {
+    let root = document.root;
+    let index = root.scene.map_or(0, |s| s.value());
+    if let Some(scene) = root.scenes.get(index) {
+        return Ok(scene.nodes.iter().map(|n| n.value()).collect());
+    }
+    if let Some(scene) = root.scene {
+        let reason = format!("scenes[{}] does not exist", scene.value());
+        return Err(document.fail("scene", reason, "name a scene that exists"));
+    }
+    let mut is_child = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten() {
+        if let Some(flag) = is_child.get_mut(child.value()) {
+            *flag = true;
+        }
+    }
+    Ok((0..root.nodes.len()).filter(|&i| !is_child[i]).collect())
+}
+
+/// Places what the nodes hold. An explicit stack: files with a million nodes in a chain exist.
+fn walk(
+    document: &Document<'_>,
+    ranges: &[std::ops::Range<u32>],
+    scene: &mut InstancedScene,
+) -> Result<(), LoadError> {
+    const TREE: &str = "every node may have one parent, and none may be its own ancestor";
+    let nodes = &document.root.nodes;
+    let mut visited = vec![false; nodes.len()];
+    let mut stack: Vec<(usize, DAffine3)> =
+        roots(document)?.into_iter().rev().map(|n| (n, DAffine3::IDENTITY)).collect();
+    while let Some((i, parent)) = stack.pop() {
+        let at = || format!("nodes[{i}]");
+        let Some(node) = nodes.get(i) else {
+            let reason = format!("it does not exist, there are {}", nodes.len());
+            return Err(document.fail(at(), reason, "remove the reference to it"));
+        };
+        if std::mem::replace(&mut visited[i], true) {
+            return Err(document.fail(at(), "it is reached a second time", TREE));
+        }
+        let transform = parent * local_transform(node);
+        if let Some(mesh) = node.mesh {
+            let range = ranges.get(mesh.value()).cloned().ok_or_else(|| {
+                let reason = format!("meshes[{}] does not exist", mesh.value());
+                document.fail(at(), reason, "remove the reference to it")
+            })?;
+            scene.instances.extend(range.map(|part| Instance { part, transform }));
+        }
+        place_camera(document, node, &transform, scene, i);
+        place_light(document, node, &transform, scene, i);
+        if let Some(children) = &node.children {
+            stack.extend(children.iter().rev().map(|c| (c.value(), transform)));
+        }
+    }
+    Ok(())
+}
+
+fn local_transform(node: &Node) -> DAffine3 {
+    if let Some(m) = node.matrix {
+        return DAffine3::from_mat4(DMat4::from_cols_array(&m.map(f64::from)));
+    }
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| {
+        let q = DQuat::from_array(q.0.map(f64::from));
+        // An all-zero quaternion says nothing.
+        if q.is_finite() && q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
+    });
+    let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+    DAffine3::from_scale_rotation_translation(
+        vector(node.scale.unwrap_or([1.0; 3])),
+        rotation,
+        vector(node.translation.unwrap_or([0.0; 3])),
+    )
+}
+
+/// The origin and the directions of the local axes `−Z` and `Y`, if the transform keeps them.
+fn frame(transform: &DAffine3) -> Option<(Vec3, Vec3, Vec3)> {
+    let position = transform.translation.as_vec3();
+    let forward = (-transform.matrix3.z_axis).try_normalize()?.as_vec3();
+    let up = transform.matrix3.y_axis.try_normalize()?.as_vec3();
+    (position.is_finite() && forward.is_finite() && up.is_finite())
+        .then_some((position, forward, up))
+}
+
+fn place_camera(
+    document: &Document<'_>,
+    node: &Node,
+    transform: &DAffine3,
+    scene: &mut InstancedScene,
+    at: usize,
+) {
+    let Some(index) = node.camera else { return };
+    let usable = document
+        .root
+        .cameras
+        .get(index.value())
+        .filter(|c| matches!(c.type_, Checked::Valid(camera::Type::Perspective)))
+        .and_then(|c| c.perspective.as_ref())
+        .map(|p| p.yfov)
+        .filter(|fov| *fov > 0.0 && *fov < std::f32::consts::PI)
+        .zip(frame(transform));
+    match usable {
+        Some((fov, (position, forward, up))) => {
+            scene.cameras.push(Camera::facing(position, forward.as_dvec3(), up, fov));
+        }
+        None => {
+            scene.dropped.cameras_and_lights += 1;
+            scene.dropped.note(|| {
+                format!("nodes[{at}]: cameras[{}] is no usable perspective camera", index.value())
+            });
+        }
+    }
+}
+
+fn place_light(
+    document: &Document<'_>,
+    node: &Node,
+    transform: &DAffine3,
+    scene: &mut InstancedScene,
+    at: usize,
+) {
+    let Some(light) = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref()) else {
+        return;
+    };
+    let usable = document.root.get(light.light).and_then(|l| read_light(l, transform));
+    match usable {
+        Some(light) => scene.lights.push(light),
+        None => {
+            scene.dropped.cameras_and_lights += 1;
+            scene.dropped.note(|| {
+                format!("nodes[{at}]: light {} does not exist or is broken", light.light.value())
+            });
+        }
+    }
+}
+
+fn read_light(light: &punctual::Light, transform: &DAffine3) -> Option<Light> {
+    let (position, direction, _) = frame(transform)?;
+    let Checked::Valid(kind) = light.type_ else { return None };
+    let kind = match kind {
+        punctual::Type::Point => LightKind::Point,
+        punctual::Type::Directional => LightKind::Directional,
+        punctual::Type::Spot => {
+            let spot = light.spot.as_ref()?;
+            let outer = spot.outer_cone_angle.clamp(1e-3, std::f32::consts::FRAC_PI_2);
+            LightKind::Spot { inner: spot.inner_cone_angle.clamp(0.0, outer * 0.999), outer }
+        }
+    };
+    let intensity = Vec3::from(light.color) * light.intensity;
+    (intensity.is_finite() && intensity.min_element() >= 0.0).then_some(Light {
+        kind,
+        position,
+        direction,
+        intensity,
+    })
+}

@@ -1,0 +1,126 @@
+//! Truncated, mutated and random files: an error or a scene, never a panic.
+
+mod common;
+
+use common::{Folder, glb, load, square, square_json};
+use proptest::prelude::*;
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+
+const OBJ: &str = "mtllib a.mtl\no x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nvn 0 0 1\n\
+                   usemtl m\nf 1/1/1 2/1/1 3//1\nf -1 -2 -3\nl 1 2\ng y\nf 1 2 3 1 2\n";
+const MTL: &str = "newmtl m\nKd 1 0 0\nKe 0 0 0\nNs 10\nNi 1.5\nd 0.5\nTf 1 1 1\nillum 4\n";
+
+fn sample_glb() -> Vec<u8> {
+    let nodes = r#"{"children":[1,2]},{"mesh":0,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,3,2,1,1]},
+        {"camera":0,"rotation":[0,0,0,0],"extensions":{"KHR_lights_punctual":{"light":0}}}"#;
+    let more = r#","cameras":[{"type":"perspective","perspective":{"yfov":0.5,"znear":0.1}}],
+        "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+        "textures":[{"source":0}],"images":[{"bufferView":0}],
+        "extensions":{"KHR_lights_punctual":{"lights":[{"type":"point"}]}}"#;
+    let json = square_json(nodes, more);
+    let sparse = r#""count":4,"sparse":{"count":1,"indices":{"bufferView":1,"componentType":5123},
+        "values":{"bufferView":0}}"#;
+    glb(&json.replace("\"count\":4", sparse), &square())
+}
+
+/// Whatever comes back, it must be consistent.
+fn survives(name: &str, bytes: &[u8]) {
+    let folder = Folder::new();
+    folder.file("a.mtl", MTL);
+    if let Ok(scene) = load(&folder.file(name, bytes)) {
+        assert_eq!(scene.material_ids.len(), scene.mesh.len());
+        assert!(scene.material_ids.iter().all(|&id| (id as usize) < scene.materials.len()));
+        assert!(!scene.cameras.is_empty());
+        for n in [scene.normals.len(), scene.uvs.len()] {
+            assert!(n == 0 || n == scene.mesh.positions().len());
+        }
+    }
+}
+
+fn mutated(mut bytes: Vec<u8>, edits: &[(prop::sample::Index, u8)], cut: Option<prop::sample::Index>) -> Vec<u8> {
+    for (at, value) in edits {
+        let at = at.index(bytes.len());
+        bytes[at] = *value;
+    }
+    if let Some(cut) = cut {
+        bytes.truncate(cut.index(bytes.len()));
+    }
+    bytes
+}
+
+fn edits() -> impl Strategy<Value = Vec<(prop::sample::Index, u8)>> {
+    let byte = prop_oneof![any::<u8>(), Just(b'9'), Just(b'-'), Just(b'0'), Just(b'\n')];
+    prop::collection::vec((any::<prop::sample::Index>(), byte), 0..6)
+}
+
+#[test]
+fn the_samples_are_good() {
+    let folder = Folder::new();
+    folder.file("a.mtl", MTL);
+    assert_eq!(load(&folder.file("a.obj", OBJ)).unwrap().mesh.len(), 5);
+    assert_eq!(load(&folder.file("a.glb", sample_glb())).unwrap().mesh.len(), 2);
+}
+
+#[test]
+fn every_truncation_is_survived() {
+    for n in 0..OBJ.len() {
+        survives("a.obj", &OBJ.as_bytes()[..n]);
+    }
+    let glb = sample_glb();
+    for n in (0..glb.len()).step_by(7) {
+        survives("a.glb", &glb[..n]);
+    }
+}
+
+#[test]
+fn packed_files_are_the_same_scene_and_broken_ones_an_error() {
+    let folder = Folder::new();
+    folder.file("a.mtl", MTL);
+    let packed = compress_to_vec(OBJ.as_bytes(), CompressionLevel::Fastest);
+    let plain = load(&folder.file("a.obj", OBJ)).unwrap();
+    assert_eq!(load(&folder.file("a.obj.zst", &packed)).unwrap(), plain);
+    let glb = compress_to_vec(&sample_glb()[..], CompressionLevel::Fastest);
+    assert_eq!(load(&folder.file("a.glb.zst", glb)).unwrap().mesh.len(), 2);
+    for n in 0..packed.len() {
+        let error = load(&folder.file("cut.obj.zst", &packed[..n])).expect_err("it is cut");
+        assert!(error.to_string().contains("zst"), "{error}");
+    }
+    assert!(load(&folder.file("a.ply", OBJ)).unwrap_err().to_string().contains(".glb"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+
+    #[test]
+    fn mutated_obj(edits in edits(), cut in any::<Option<prop::sample::Index>>()) {
+        survives("a.obj", &mutated(OBJ.as_bytes().to_vec(), &edits, cut));
+    }
+
+    #[test]
+    fn mutated_glb(edits in edits()) {
+        survives("a.glb", &mutated(sample_glb(), &edits, None));
+    }
+
+    #[test]
+    fn mutated_mtl(edits in edits(), cut in any::<Option<prop::sample::Index>>()) {
+        let folder = Folder::new();
+        folder.file("a.mtl", mutated(MTL.as_bytes().to_vec(), &edits, cut));
+        prop_assert_eq!(load(&folder.file("a.obj", OBJ)).unwrap().mesh.len(), 5);
+    }
+
+    #[test]
+    fn mutated_zst(edits in edits()) {
+        let packed = compress_to_vec(OBJ.as_bytes(), CompressionLevel::Fastest);
+        survives("a.obj.zst", &mutated(packed, &edits, None));
+    }
+
+    #[test]
+    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        for name in ["a.obj", "a.gltf", "a.glb", "a.obj.zst"] {
+            survives(name, &bytes);
+        }
+        let mut with_magic = b"glTF\x02\0\0\0".to_vec();
+        with_magic.extend(&bytes);
+        survives("a.glb", &with_magic);
+    }
+}

@@ -1,0 +1,161 @@
+//! Making scenes: depth, faults, counts, threads.
+
+mod common;
+
+use common::median_tree;
+use niwaki_core::{
+    Aabb, Bvh, BvhNode, Hit, Intersector, Ray, Triangle, TriangleMesh, glam::Vec3, to_u32,
+};
+use niwaki_trace::{BinaryScene, Counts, Kernel, SceneError, WideScene};
+use niwaki_wide::CollapseError;
+
+/// Unit right triangles in planes of constant z, one per unit.
+fn stack_of(count: usize) -> TriangleMesh {
+    let triangles: Vec<_> = (0..count)
+        .map(|i| {
+            let z = Vec3::new(0.0, 0.0, i as f32);
+            Triangle::new(z, z + Vec3::X, z + Vec3::Y)
+        })
+        .collect();
+    TriangleMesh::from_triangles(&triangles).unwrap()
+}
+
+/// A tree that is one long chain: every inner node has one triangle on its first side, in order,
+/// and the rest on the other.
+fn chain_tree(mesh: &TriangleMesh) -> Bvh {
+    let boxes: Vec<Aabb> = mesh.triangles().map(|t| t.bounds()).collect();
+    let mut rest: Vec<Aabb> = boxes.clone();
+    for i in (0..boxes.len().saturating_sub(1)).rev() {
+        rest[i] = rest[i].union(rest[i + 1]);
+    }
+    let mut nodes = Vec::new();
+    for i in 0..boxes.len() {
+        if i + 1 == boxes.len() {
+            nodes.push(BvhNode::leaf(boxes[i], to_u32(i), 1));
+        } else if i == 0 {
+            nodes.push(BvhNode::inner(rest[0], 1));
+            nodes.push(BvhNode::leaf(boxes[0], 0, 1));
+        } else {
+            nodes.push(BvhNode::inner(rest[i], to_u32(nodes.len() + 1)));
+            nodes.push(BvhNode::leaf(boxes[i], to_u32(i), 1));
+        }
+    }
+    Bvh { nodes, prim_ids: (0..to_u32(boxes.len())).collect() }
+}
+
+#[test]
+fn nothing_is_hit_in_an_empty_scene() {
+    let (bvh, mesh) = (Bvh::default(), TriangleMesh::default());
+    let ray = Ray::new(Vec3::ZERO, Vec3::X);
+    assert_eq!(BinaryScene::new(&bvh, &mesh).unwrap().closest_hit(&ray), Hit::MISS);
+    let wide = WideScene::new(&bvh, &mesh).unwrap();
+    assert_eq!(wide.bytes() - 32, 0, "nothing but the padding");
+    for kernel in Kernel::available() {
+        let scene = wide.clone().with_kernel(kernel).unwrap();
+        assert_eq!(scene.closest_hit(&ray), Hit::MISS);
+        assert!(!scene.any_hit(&ray));
+    }
+}
+
+#[test]
+fn chains_of_any_depth_are_traced() {
+    for count in [10_000, 1_000_000] {
+        let mesh = stack_of(count);
+        let bvh = chain_tree(&mesh);
+        let binary = BinaryScene::new(&bvh, &mesh).unwrap();
+        let wide = WideScene::new(&bvh, &mesh).unwrap();
+        let last = count as f32 - 1.0;
+        // Towards the deep end, towards the shallow end, and past everything.
+        let up = Ray::new(Vec3::new(0.25, 0.25, -1.0), Vec3::Z);
+        let down = Ray::new(Vec3::new(0.25, 0.25, last + 1.0), -Vec3::Z);
+        let past = Ray::new(Vec3::new(0.75, 0.75, -1.0), Vec3::Z);
+        let check = |scene: &dyn Intersector| {
+            assert_eq!(scene.closest_hit(&up).prim_id, 0);
+            let hit = scene.closest_hit(&down);
+            assert_eq!((hit.prim_id as usize, hit.t), (count - 1, 1.0));
+            assert_eq!(scene.closest_hit(&past), Hit::MISS);
+            assert!(scene.any_hit(&up) && scene.any_hit(&down) && !scene.any_hit(&past));
+        };
+        check(&binary);
+        for kernel in Kernel::available() {
+            check(&wide.clone().with_kernel(kernel).unwrap());
+        }
+    }
+}
+
+#[test]
+fn counts_of_a_tiny_tree_are_as_expected() {
+    // Two triangles one behind the other, each in a leaf.
+    let mesh = stack_of(2);
+    let boxes: Vec<Aabb> = mesh.triangles().map(|t| t.bounds()).collect();
+    let bvh = Bvh {
+        nodes: vec![
+            BvhNode::inner(boxes[0].union(boxes[1]), 1),
+            BvhNode::leaf(boxes[0], 0, 1),
+            BvhNode::leaf(boxes[1], 1, 1),
+        ],
+        prim_ids: vec![0, 1],
+    };
+    let binary = BinaryScene::new(&bvh, &mesh).unwrap();
+    let wide = WideScene::new(&bvh, &mesh).unwrap();
+    let counts = |nodes, boxes, leaves, triangles| Counts { nodes, boxes, leaves, triangles };
+    // Hits the first: the second's box is entered behind the hit and never opened.
+    let ray = Ray::new(Vec3::new(0.25, 0.25, -1.0), Vec3::Z);
+    let (hit, count) = binary.closest_hit_counted(&ray);
+    assert_eq!((hit.prim_id, count), (0, counts(1, 3, 1, 1)));
+    let (hit, count) = wide.closest_hit_counted(&ray);
+    assert_eq!((hit.prim_id, count), (0, counts(1, 2, 1, 1)));
+    // Meets both boxes, no triangle.
+    let ray = Ray::new(Vec3::new(0.75, 0.75, -1.0), Vec3::Z);
+    assert_eq!(binary.closest_hit_counted(&ray), (Hit::MISS, counts(1, 3, 2, 2)));
+    assert_eq!(wide.closest_hit_counted(&ray), (Hit::MISS, counts(1, 2, 2, 2)));
+    assert_eq!(binary.any_hit_counted(&ray), (false, counts(1, 3, 2, 2)));
+    assert_eq!(wide.any_hit_counted(&ray), (false, counts(1, 2, 2, 2)));
+    // Misses the root.
+    let ray = Ray::new(Vec3::new(5.0, 0.75, -1.0), Vec3::Z);
+    assert_eq!(binary.closest_hit_counted(&ray), (Hit::MISS, counts(0, 1, 0, 0)));
+    assert_eq!(wide.closest_hit_counted(&ray), (Hit::MISS, counts(1, 2, 0, 0)));
+}
+
+#[test]
+fn trees_that_do_not_fit_are_refused() {
+    let mesh = stack_of(40);
+    let bvh = median_tree(&mesh, 1);
+    let small = stack_of(30);
+    let no_triangle = |e: SceneError| matches!(e, SceneError::NoSuchTriangle { triangles: 30, .. });
+    assert!(no_triangle(WideScene::new(&bvh, &small).unwrap_err()));
+    assert!(no_triangle(BinaryScene::new(&bvh, &small).unwrap_err()));
+    // A cycle, a child past the end, and a leaf past the ids.
+    let faults: [fn(&mut Bvh); 3] = [
+        |bvh| bvh.nodes[5].first = 1,
+        |bvh| bvh.nodes[2].first = 1_000_000,
+        |bvh| {
+            bvh.prim_ids.pop();
+        },
+    ];
+    for fault in faults {
+        let mut bad = bvh.clone();
+        fault(&mut bad);
+        let malformed =
+            |e: SceneError| matches!(e, SceneError::Collapse(CollapseError::Malformed { .. }));
+        assert!(malformed(BinaryScene::new(&bad, &mesh).unwrap_err()));
+        assert!(malformed(WideScene::new(&bad, &mesh).unwrap_err()));
+    }
+}
+
+#[test]
+fn missing_instructions_are_an_error() {
+    let scene = WideScene::new(&Bvh::default(), &TriangleMesh::default()).unwrap();
+    assert_eq!(scene.kernel(), Kernel::best());
+    for kernel in Kernel::ALL {
+        let chosen = scene.clone().with_kernel(kernel);
+        assert_eq!(chosen.is_ok(), Kernel::available().contains(&kernel));
+    }
+}
+
+#[test]
+fn scenes_are_shared_between_threads() {
+    fn check<T: Send + Sync>() {}
+    check::<BinaryScene>();
+    check::<WideScene>();
+}

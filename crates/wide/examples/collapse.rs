@@ -1,0 +1,36 @@
+//! Collapses a tree over a row of boxes and prints the shape of the result.
+
+use niwaki_core::{Aabb, Bvh, BvhNode, glam::Vec3, to_u32};
+use niwaki_wide::{Bvh8, CollapseSettings};
+
+fn main() -> Result<(), niwaki_wide::CollapseError> {
+    // A balanced tree over 4096 unit boxes along x.
+    let bounds = |first: u32, count: u32| {
+        Aabb::new(Vec3::new(first as f32, 0.0, 0.0), Vec3::new((first + count) as f32, 1.0, 1.0))
+    };
+    let mut nodes = vec![BvhNode::leaf(bounds(0, 4096), 0, 4096)];
+    let mut open = 0;
+    while open < nodes.len() {
+        let BvhNode { first, count, .. } = nodes[open];
+        if count > 1 {
+            let half = count / 2;
+            nodes[open] = BvhNode::inner(bounds(first, count), to_u32(nodes.len()));
+            nodes.push(BvhNode::leaf(bounds(first, half), first, half));
+            nodes.push(BvhNode::leaf(bounds(first + half, half), first + half, half));
+        }
+        open += 1;
+    }
+    let bvh = Bvh { nodes, prim_ids: (0..4096).collect() };
+    for max_leaf in [1, 4, 8] {
+        let settings = CollapseSettings { max_leaf, ..CollapseSettings::default() };
+        let wide = Bvh8::collapse(&bvh, &settings)?;
+        println!(
+            "leaves of up to {max_leaf}: {} binary nodes became {} wide ones on {} levels, {:.0} % of slots used",
+            bvh.nodes.len(),
+            wide.nodes().len(),
+            wide.levels(),
+            100.0 * wide.fill()
+        );
+    }
+    Ok(())
+}

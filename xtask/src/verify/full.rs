@@ -1,0 +1,145 @@
+//! Full scenes: every builder × kernel against Embree and obvhs.
+
+use super::{
+    Options,
+    compare::{Reference, any, closest},
+    kernels::each_kernel,
+    ledger::{Culprit, Ledger, Row, Tally},
+    trees::{build_and_check, check_peer},
+};
+use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh};
+use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
+use niwaki_render::{RayKind, RecordSettings, random_rays, record_rays};
+use niwaki_scene::Scene;
+
+/// The rays of a scene, by what is asked.
+struct Rays {
+    closest: Vec<Ray>,
+    any: Vec<Ray>,
+}
+
+/// Records rays as a path tracer casts them and adds random ones: `options.rays` in all, of which
+/// a quarter are asked for any hit. The mix is camera and bounce rays in what the scene gives,
+/// filled up with random rays.
+fn rays(scene: &Scene, tracer: &dyn Intersector, options: &Options) -> Rays {
+    let total = options.rays;
+    let settings =
+        RecordSettings { max_rays: total / 4, seed: options.seed, ..RecordSettings::default() };
+    let sets = record_rays(scene, tracer, &settings);
+    let mut rays = Rays { closest: Vec::new(), any: Vec::new() };
+    for (_, kind, set) in sets.sets {
+        let (into, room) = match kind {
+            RayKind::ClosestHit => (&mut rays.closest, total * 5 / 8),
+            RayKind::AnyHit => (&mut rays.any, total / 8),
+        };
+        let room = room.saturating_sub(into.len());
+        into.extend(set.into_iter().take(room));
+    }
+    let bounds = scene.mesh.bounds();
+    let missing = |wanted: usize, len: usize| wanted.saturating_sub(len);
+    let (closest, any) =
+        (missing(total * 3 / 4, rays.closest.len()), missing(total / 4, rays.any.len()));
+    rays.closest.extend(random_rays(&bounds, closest, options.seed ^ 1));
+    rays.any.extend(random_rays(&bounds, any, options.seed ^ 2));
+    rays
+}
+
+/// One peer's answers.
+struct PeerAnswers<'a> {
+    name: String,
+    hits: Reference<'a, Hit>,
+    flags: Reference<'a, bool>,
+}
+
+/// Checks every builder and kernel on a scene against every peer.
+pub(crate) fn run(
+    name: &str,
+    scene: &Scene,
+    options: &Options,
+    builders: &[Box<dyn Builder>],
+    embree: Option<&Embree>,
+    ledger: &mut Ledger,
+    mut progress: impl FnMut(&str),
+) -> anyhow::Result<()> {
+    let mesh = &scene.mesh;
+    let recorder = niwaki_trace::WideScene::new(&builders[0].build_mesh(mesh)?, mesh)?;
+    progress("recording rays");
+    let rays = rays(scene, &recorder, options);
+    drop(recorder);
+
+    let mut peers = Vec::new();
+    let mut add_peer = |name: &str, peer: &dyn Intersector| {
+        peers.push(PeerAnswers {
+            name: name.to_owned(),
+            hits: Reference::new(mesh, &rays.closest, closest(peer, &rays.closest)),
+            flags: Reference::new(mesh, &rays.any, any(peer, &rays.any)),
+        });
+    };
+    if let Some(embree) = embree {
+        for quality in [Quality::Low, Quality::Medium, Quality::High] {
+            progress(&format!("embree {}", quality.name()));
+            let tree = embree.build_bvh(quality, mesh)?;
+            check_peer(name, mesh, "embree", quality.name(), &tree.bvh, ledger);
+        }
+        add_peer("embree", &EmbreeScene::new(embree, mesh, Quality::Medium, false)?);
+        add_peer("embree_robust", &EmbreeScene::new(embree, mesh, Quality::Medium, true)?);
+    }
+    for preset in options.obvhs_presets() {
+        progress(&format!("obvhs {}", preset.name()));
+        let tree = preset.build(mesh)?;
+        check_peer(name, mesh, "obvhs", preset.name(), &tree.bvh, ledger);
+    }
+    progress("obvhs, own kernel");
+    add_peer("obvhs", &ObvhsScene::new(mesh, ObvhsPreset::Medium, ObvhsKernel::CwBvh)?);
+
+    for builder in builders {
+        progress(builder.name());
+        let Some(bvh) = build_and_check(name, mesh, builder.as_ref(), ledger)? else { continue };
+        each_kernel(&bvh, mesh, |kernel, scene| {
+            progress(&format!("{} {kernel}", builder.name()));
+            let hits = closest(scene, &rays.closest);
+            let flags = any(scene, &rays.any);
+            for peer in &peers {
+                let row = |query, tally: Tally| Row {
+                    scene: name.to_owned(),
+                    triangles: mesh.len(),
+                    builder: builder.name().to_owned(),
+                    kernel: kernel.to_owned(),
+                    against: peer.name.clone(),
+                    query,
+                    tally,
+                };
+                let (tally, wrong) = peer.hits.compare(&hits);
+                ledger.rows.push(row("closest", tally));
+                let (tally, more) = peer.flags.compare(&flags);
+                ledger.rows.push(row("any", tally));
+                ledger.culprits.extend(wrong.into_iter().chain(more).map(|what| Culprit {
+                    scene: name.to_owned(),
+                    builder: builder.name().to_owned(),
+                    check: format!("{kernel} against {}", peer.name),
+                    what,
+                }));
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// Peers' kernels over a mesh, for the count of leaks.
+pub(crate) fn peer_kernels(
+    embree: Option<&Embree>,
+    mesh: &TriangleMesh,
+) -> anyhow::Result<Vec<(String, Box<dyn Intersector>)>> {
+    let mut kernels: Vec<(String, Box<dyn Intersector>)> = Vec::new();
+    if let Some(embree) = embree {
+        for (name, robust) in [("embree fast", false), ("embree robust", true)] {
+            let scene = EmbreeScene::new(embree, mesh, Quality::Medium, robust)?;
+            kernels.push((name.to_owned(), Box::new(scene)));
+        }
+    }
+    for (name, kernel) in [("obvhs bvh2", ObvhsKernel::Bvh2), ("obvhs cwbvh", ObvhsKernel::CwBvh)] {
+        let scene = ObvhsScene::new(mesh, ObvhsPreset::Medium, kernel)?;
+        kernels.push((name.to_owned(), Box::new(scene)));
+    }
+    Ok(kernels)
+}

@@ -1,0 +1,152 @@
+//! Hard cases: every builder × kernel against brute force, and leaks against the exact answer.
+
+use super::{
+    Options,
+    compare::{Reference, any, closest},
+    kernels::{BruteForce, each_kernel},
+    ledger::{Culprit, LeakRow, Ledger, Row},
+    trees::build_and_check,
+};
+use niwaki_core::{Builder, Intersector, Ray, TriangleMesh};
+use niwaki_hard_cases::{Case, bad_rays, closed_star, rays};
+use niwaki_trace::WideScene;
+
+/// Triangle tests a case may spend on brute force.
+const BRUTE_FORCE_TESTS: usize = 40_000_000;
+
+/// Runs the catalogue.
+pub(crate) fn run(
+    options: &Options,
+    builders: &[Box<dyn Builder>],
+    ledger: &mut Ledger,
+    mut progress: impl FnMut(&str),
+) -> anyhow::Result<()> {
+    for case in niwaki_hard_cases::meshes() {
+        progress(case.name);
+        run_case(&case, options, builders, ledger)?;
+    }
+    Ok(())
+}
+
+fn run_case(
+    case: &Case,
+    options: &Options,
+    builders: &[Box<dyn Builder>],
+    ledger: &mut Ledger,
+) -> anyhow::Result<()> {
+    let mesh = &case.mesh;
+    let affordable = BRUTE_FORCE_TESTS / mesh.len().max(1) / 11;
+    let rays = rays(mesh, options.hard_rays.min(affordable).max(8), options.seed);
+    let brute = BruteForce(mesh);
+    let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
+    let flags = Reference::new(mesh, &rays, any(&brute, &rays));
+    let bad = bad_rays(mesh);
+    for builder in builders {
+        let Some(bvh) = build_and_check(case.name, mesh, builder.as_ref(), ledger)? else {
+            continue;
+        };
+        each_kernel(&bvh, mesh, |kernel, scene| {
+            let mut add = |query, (tally, wrong): (_, Vec<String>)| {
+                ledger.rows.push(Row {
+                    scene: case.name.to_owned(),
+                    triangles: mesh.len(),
+                    builder: builder.name().to_owned(),
+                    kernel: kernel.to_owned(),
+                    against: "brute_force".to_owned(),
+                    query,
+                    tally,
+                });
+                ledger.culprits.extend(wrong.into_iter().map(|what| Culprit {
+                    scene: case.name.to_owned(),
+                    builder: builder.name().to_owned(),
+                    check: kernel.to_owned(),
+                    what,
+                }));
+            };
+            add("closest", hits.compare(&closest(scene, &rays)));
+            add("any", flags.compare(&any(scene, &rays)));
+            for (i, ray) in bad.iter().enumerate() {
+                if scene.closest_hit(ray).is_hit() || scene.any_hit(ray) {
+                    ledger.culprits.push(Culprit {
+                        scene: case.name.to_owned(),
+                        builder: builder.name().to_owned(),
+                        check: kernel.to_owned(),
+                        what: format!("illegal ray {i} hits: {ray:?}"),
+                    });
+                }
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// Counts leaks of our fastest kernel and of `peers` on closed surfaces of several sizes and
+/// places. Leaks are counted, not judged: `fast` kernels have them, ours and the peers'.
+pub(crate) fn leaks(
+    options: &Options,
+    builder: &dyn Builder,
+    peers: &dyn Fn(&TriangleMesh) -> anyhow::Result<Vec<(String, Box<dyn Intersector>)>>,
+) -> anyhow::Result<Vec<LeakRow>> {
+    let mut rows = Vec::new();
+    for (name, size, offset) in [
+        ("size 1", 1.0, [0.0; 3]),
+        ("size 1 at (1e3, 7e2, -1.3e3)", 1.0, [1e3, 7e2, -1.3e3]),
+        ("size 1e-6", 1e-6, [0.0; 3]),
+        ("size 1e6", 1e6, [0.0; 3]),
+    ] {
+        let mesh = closed_star(6, size, offset.into(), options.seed);
+        let rays = from_inside(&mesh, size, offset.into(), options.leak_rays);
+        let mut add = |kernel: &str, scene: &dyn Intersector| {
+            let leaks = closest(scene, &rays).iter().filter(|hit| !hit.is_hit()).count();
+            let scene = name.to_owned();
+            rows.push(LeakRow { scene, kernel: kernel.to_owned(), rays: rays.len(), leaks });
+        };
+        let bvh = builder.build_mesh(&mesh)?;
+        add("niwaki fast", &WideScene::new(&bvh, &mesh)?);
+        for (name, scene) in peers(&mesh)? {
+            add(&name, scene.as_ref());
+        }
+    }
+    Ok(rows)
+}
+
+/// Rays from points well inside the star, aimed exactly at corners and at points on edges.
+fn from_inside(
+    mesh: &TriangleMesh,
+    size: f32,
+    offset: niwaki_core::glam::Vec3,
+    count: usize,
+) -> Vec<Ray> {
+    let inner = 0.5 * size;
+    niwaki_hard_cases::aimed_at_borders(mesh, 2 * count, 11)
+        .into_iter()
+        .enumerate()
+        .filter(|(i, _)| i % 3 != 2)
+        .take(count)
+        .map(|(_, ray)| {
+            // Keep the target, pull the origin into the sphere that the surface encloses.
+            let target = ray.origin + ray.direction;
+            let from_center = (ray.origin - offset).clamp_length_max(inner);
+            let origin = offset + from_center;
+            Ray::new(origin, target - origin)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_from_inside_start_inside() {
+        let mesh = closed_star(2, 2.0, [5.0, 0.0, 0.0].into(), 1);
+        let rays = from_inside(&mesh, 2.0, [5.0, 0.0, 0.0].into(), 500);
+        assert_eq!(rays.len(), 500);
+        assert!(
+            rays.iter().all(|r| (r.origin - niwaki_core::glam::Vec3::X * 5.0).length() <= 1.001)
+        );
+        let hits = closest(&BruteForce(&mesh), &rays);
+        let lost = hits.iter().filter(|h| !h.is_hit()).count();
+        assert!(lost < 100, "most rays must hit, {lost} of 500 did not");
+    }
+}

@@ -1,0 +1,152 @@
+//! Counts of agreements and settled disagreements, and the cases that count against us.
+
+use niwaki_core::{Hit, Ray};
+use niwaki_exact::Verdict;
+use serde::Serialize;
+
+/// What a comparison of many answers came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub(crate) struct Tally {
+    /// Rays compared.
+    pub(crate) rays: u64,
+    /// Equal distances, or closer than `f32` can tell.
+    pub(crate) tie: u64,
+    /// Our kernel lost or gained a hit within a few units in the last place of a border.
+    pub(crate) rounding: u64,
+    /// The exact answer contradicts the peer.
+    pub(crate) peer_wrong: u64,
+    /// The exact answer contradicts us.
+    pub(crate) ours_wrong: u64,
+}
+
+impl Tally {
+    /// Counts one comparison.
+    pub(crate) fn add(&mut self, verdict: Verdict) {
+        self.rays += 1;
+        match verdict {
+            Verdict::Tie => self.tie += 1,
+            Verdict::Rounding => self.rounding += 1,
+            Verdict::PeerWrong => self.peer_wrong += 1,
+            Verdict::OursWrong => self.ours_wrong += 1,
+            _ => {}
+        }
+    }
+
+    /// The counts of both together.
+    pub(crate) fn merge(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            tie: self.tie + other.tie,
+            rounding: self.rounding + other.rounding,
+            peer_wrong: self.peer_wrong + other.peer_wrong,
+            ours_wrong: self.ours_wrong + other.ours_wrong,
+        }
+    }
+}
+
+/// One line of the result: a tree and a kernel of ours against one other on one scene.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Row {
+    pub(crate) scene: String,
+    pub(crate) triangles: usize,
+    pub(crate) builder: String,
+    pub(crate) kernel: String,
+    /// `brute_force`, `exact`, `embree` or `obvhs`.
+    pub(crate) against: String,
+    /// `closest` or `any`.
+    pub(crate) query: &'static str,
+    #[serde(flatten)]
+    pub(crate) tally: Tally,
+}
+
+/// Something that makes verification fail.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Culprit {
+    pub(crate) scene: String,
+    pub(crate) builder: String,
+    /// The kernel, or the check that failed: `validate`, `determinism`, `build`.
+    pub(crate) check: String,
+    /// What is wrong, with the ray and both answers where there are any.
+    pub(crate) what: String,
+}
+
+/// A ray and both answers in a form that can be pasted into a test.
+pub(crate) fn describe(ray: &Ray, ours: &str, theirs: &str) -> String {
+    format!(
+        "ray from {:?} along {:?}, t {:?} to {:?}: ours {ours}; other {theirs}",
+        ray.origin.to_array(),
+        ray.direction.to_array(),
+        ray.t_min,
+        ray.t_max
+    )
+}
+
+/// A hit in few words.
+pub(crate) fn describe_hit(hit: &Hit) -> String {
+    if hit.is_hit() {
+        format!("triangle {} at t = {:?}", hit.prim_id, hit.t)
+    } else {
+        "no hit".to_owned()
+    }
+}
+
+/// Everything that verification found.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Ledger {
+    /// Version of this file's layout.
+    pub(crate) schema: u32,
+    pub(crate) rows: Vec<Row>,
+    /// SAH and size of every tree, ours and peers'.
+    pub(crate) trees: Vec<TreeRow>,
+    /// Rays from inside closed surfaces that got out.
+    pub(crate) leaks: Vec<LeakRow>,
+    pub(crate) culprits: Vec<Culprit>,
+}
+
+/// Rays from inside a closed surface that get out, ours beside the peers'.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct LeakRow {
+    /// Size and place of the closed surface.
+    pub(crate) scene: String,
+    /// Whose kernel.
+    pub(crate) kernel: String,
+    /// Rays, half aimed at corners and half at points on edges.
+    pub(crate) rays: usize,
+    /// Those that hit nothing; in exact arithmetic there are none.
+    pub(crate) leaks: usize,
+}
+
+/// One tree that was checked.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct TreeRow {
+    pub(crate) scene: String,
+    pub(crate) triangles: usize,
+    /// `niwaki`, `embree` or `obvhs`.
+    pub(crate) source: &'static str,
+    pub(crate) builder: String,
+    pub(crate) nodes: usize,
+    pub(crate) references: usize,
+    /// With C_I = 2, C_L = 0, C_T = 1.
+    pub(crate) sah: f64,
+    pub(crate) valid: bool,
+    /// Equal bytes on 1, 2, 3 and 8 threads; `None` where that is not asked (peers).
+    pub(crate) deterministic: Option<bool>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tallies_count_and_merge() {
+        let mut a = Tally::default();
+        a.add(Verdict::Agree);
+        a.add(Verdict::Tie);
+        let mut b = Tally::default();
+        b.add(Verdict::OursWrong);
+        b.add(Verdict::PeerWrong);
+        b.add(Verdict::Rounding);
+        let sum = a.merge(b);
+        assert_eq!(sum, Tally { rays: 5, tie: 1, rounding: 1, peer_wrong: 1, ours_wrong: 1 });
+    }
+}

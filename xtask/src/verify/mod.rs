@@ -1,0 +1,156 @@
+//! `cargo xtask verify`: every builder × kernel against brute force and peers, with an exact
+//! arbiter.
+
+mod compare;
+mod full;
+mod hard;
+mod kernels;
+mod ledger;
+mod print;
+mod trees;
+
+use crate::{
+    cli::VerifyArgs,
+    registry::{self, TreeBuilder},
+    scenes::{SceneSpec, make_names_unique},
+};
+use anyhow::{Context, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use ledger::Ledger;
+use niwaki_core::Builder;
+use niwaki_peers::{Embree, ObvhsPreset};
+use std::process::ExitCode;
+
+/// Sizes of a run.
+struct Options {
+    rays: usize,
+    hard_rays: usize,
+    leak_rays: usize,
+    seed: u64,
+    quick: bool,
+}
+
+impl Options {
+    /// The presets of obvhs whose trees are checked: those that take minutes only when asked for
+    /// a full run.
+    fn obvhs_presets(&self) -> &'static [ObvhsPreset] {
+        if self.quick {
+            &[ObvhsPreset::Medium]
+        } else {
+            &[ObvhsPreset::Fastest, ObvhsPreset::Medium]
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If a scene cannot be loaded, a file cannot be written, or anything counts against us.
+pub fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
+    let builders = builders(&args.builders)?;
+    let options = Options {
+        rays: args.rays.unwrap_or(if args.quick { 50_000 } else { 1_000_000 }),
+        hard_rays: if args.quick { 40 } else { 400 },
+        leak_rays: if args.quick { 100_000 } else { 1_000_000 },
+        seed: args.seed,
+        quick: args.quick,
+    };
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("cannot create {}", args.out.display()))?;
+    let embree = match Embree::load() {
+        Ok(embree) => {
+            println!("Embree {} from {}", embree.version(), embree.library());
+            Some(embree)
+        }
+        Err(error) => {
+            println!("Without Embree: {error}");
+            None
+        }
+    };
+    let mut ledger = Ledger { schema: 1, ..Ledger::default() };
+    let bar = ProgressBar::new_spinner().with_style(
+        ProgressStyle::with_template("{spinner} {elapsed_precise} {prefix}: {msg}")
+            .context("progress style")?,
+    );
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+
+    if !args.no_hard_cases {
+        bar.set_prefix("hard cases");
+        hard::run(&options, &builders, &mut ledger, |what| bar.set_message(what.to_owned()))?;
+        bar.set_message("leaks of closed surfaces");
+        let peers = |mesh: &_| full::peer_kernels(embree.as_ref(), mesh);
+        ledger.leaks = hard::leaks(&options, builders[0].as_ref(), &peers)?;
+    }
+    let sources = scenes(args)?;
+    let mut unloadable = Vec::new();
+    for source in &sources {
+        bar.set_prefix(source.name.clone());
+        bar.set_message("loading");
+        let scene = match source.load(args.seed) {
+            Ok(scene) => scene,
+            Err(error) => {
+                bar.suspend(|| eprintln!("{}: {error:#}", source.name.as_str()));
+                unloadable.push(source.name.clone());
+                continue;
+            }
+        };
+        full::run(
+            &source.name,
+            &scene,
+            &options,
+            &builders,
+            embree.as_ref(),
+            &mut ledger,
+            |what| bar.set_message(what.to_owned()),
+        )?;
+    }
+    bar.finish_and_clear();
+
+    print::tables(&ledger);
+    let path = args.out.join("verify.json");
+    std::fs::write(&path, serde_json::to_vec_pretty(&ledger)?)
+        .with_context(|| format!("cannot write {}", path.display()))?;
+    println!("\nEvery row: {}", path.display());
+    if !unloadable.is_empty() {
+        eprintln!("could not load: {}", unloadable.join(", "));
+    }
+    if !ledger.culprits.is_empty() {
+        println!("{} findings count against us.", ledger.culprits.len());
+        return Ok(ExitCode::FAILURE);
+    }
+    println!("Nothing counts against us.");
+    Ok(if unloadable.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The builders of ours that the names select; all without names.
+fn builders(names: &[String]) -> anyhow::Result<Vec<Box<dyn Builder>>> {
+    let names = if names.is_empty() { &["niwaki".to_owned()] } else { names };
+    let ours: Vec<_> = registry::select(names)?
+        .into_iter()
+        .filter_map(|builder| match builder {
+            TreeBuilder::Ours(builder) => Some(builder),
+            _ => None,
+        })
+        .collect();
+    if ours.is_empty() {
+        bail!("none of {} is a builder of ours; peers take part by themselves", names.join(", "));
+    }
+    Ok(ours)
+}
+
+/// The scenes that the arguments select; the procedural ones without.
+fn scenes(args: &VerifyArgs) -> anyhow::Result<Vec<SceneSpec>> {
+    let triangles = if args.quick { 20_000 } else { 200_000 };
+    let mut scenes = Vec::new();
+    for text in &args.scenes {
+        scenes.push(SceneSpec::parse(text, triangles)?);
+    }
+    for folder in &args.folders {
+        scenes.extend(SceneSpec::below(folder)?);
+    }
+    if scenes.is_empty() {
+        scenes = SceneSpec::procedural(triangles);
+    }
+    make_names_unique(&mut scenes);
+    Ok(scenes)
+}

@@ -1,0 +1,110 @@
+//! Checks of trees: structure, determinism, and the metrics that we compute for peers.
+
+use super::ledger::{Culprit, Ledger, TreeRow};
+use anyhow::Context;
+use niwaki_core::{Builder, Bvh, SahConstants, TriangleMesh};
+use niwaki_metrics::{ValidateOptions, sah, validate_with};
+use rayon::ThreadPoolBuilder;
+
+/// Numbers of threads on which every builder has to give the same bytes.
+const THREADS: [usize; 4] = [1, 2, 3, 8];
+
+/// Builds with one of ours on 1, 2, 3 and 8 threads, checks and records the tree. `None`, with a
+/// culprit in the ledger, if there is no tree to go on with.
+pub(crate) fn build_and_check(
+    scene: &str,
+    mesh: &TriangleMesh,
+    builder: &dyn Builder,
+    ledger: &mut Ledger,
+) -> anyhow::Result<Option<Bvh>> {
+    let mut first: Option<Bvh> = None;
+    let mut deterministic = true;
+    for threads in THREADS {
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .with_context(|| format!("cannot start {threads} threads"))?;
+        match (pool.install(|| builder.build_mesh(mesh)), &first) {
+            (Ok(bvh), None) => first = Some(bvh),
+            (Ok(bvh), Some(expected)) => deterministic &= same_bytes(&bvh, expected),
+            (Err(error), _) => {
+                ledger.culprits.push(culprit(scene, builder.name(), "build", error.to_string()));
+                return Ok(None);
+            }
+        }
+    }
+    if !deterministic {
+        let what = format!("trees differ between {THREADS:?} threads");
+        ledger.culprits.push(culprit(scene, builder.name(), "determinism", what));
+    }
+    let Some(bvh) = first else { return Ok(None) };
+    let exact = ValidateOptions::default();
+    record(scene, mesh, "niwaki", builder.name(), &bvh, Some(deterministic), &exact, ledger);
+    Ok(Some(bvh))
+}
+
+/// Validates and records a tree of a peer.
+pub(crate) fn check_peer(
+    scene: &str,
+    mesh: &TriangleMesh,
+    source: &'static str,
+    name: &str,
+    bvh: &Bvh,
+    ledger: &mut Ledger,
+) {
+    // Peers clip in f32 without rounding outward, which is theirs to decide.
+    let rounded = ValidateOptions::rounded_clipping();
+    record(scene, mesh, source, name, bvh, None, &rounded, ledger);
+}
+
+#[expect(clippy::too_many_arguments, reason = "a row has that many columns")]
+fn record(
+    scene: &str,
+    mesh: &TriangleMesh,
+    source: &'static str,
+    builder: &str,
+    bvh: &Bvh,
+    deterministic: Option<bool>,
+    options: &ValidateOptions,
+    ledger: &mut Ledger,
+) {
+    let violations = validate_with(bvh, mesh, options).err().unwrap_or_default();
+    if source == "niwaki"
+        && let Some(first) = violations.first()
+    {
+        let what = format!("{first} ({} violations)", violations.len());
+        ledger.culprits.push(culprit(scene, builder, "validate", what));
+    }
+    ledger.trees.push(TreeRow {
+        scene: scene.to_owned(),
+        triangles: mesh.len(),
+        source,
+        builder: builder.to_owned(),
+        nodes: bvh.nodes.len(),
+        references: bvh.prim_ids.len(),
+        sah: sah(bvh, &SahConstants::THESIS_IV),
+        valid: violations.is_empty(),
+        deterministic,
+    });
+}
+
+/// Equality of bytes: unlike `==`, −0.0 and 0.0 differ and a NaN equals itself.
+fn same_bytes(a: &Bvh, b: &Bvh) -> bool {
+    a.prim_ids == b.prim_ids
+        && a.nodes.len() == b.nodes.len()
+        && a.nodes.iter().zip(&b.nodes).all(|(a, b)| {
+            let bits = |n: &niwaki_core::BvhNode| {
+                (
+                    n.min.to_array().map(f32::to_bits),
+                    n.max.to_array().map(f32::to_bits),
+                    n.first,
+                    n.count,
+                )
+            };
+            bits(a) == bits(b)
+        })
+}
+
+fn culprit(scene: &str, builder: &str, check: &str, what: String) -> Culprit {
+    Culprit { scene: scene.to_owned(), builder: builder.to_owned(), check: check.to_owned(), what }
+}
