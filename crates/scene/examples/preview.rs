@@ -5,6 +5,11 @@
 //! cargo run --release -p niwaki-scene --example preview -- path/to/scene.glb out.png
 //! ```
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels are small numbers, and converting floats saturates"
+)]
+
 use niwaki_core::glam::{Vec2, Vec3};
 use niwaki_scene::{LoadOptions, Scene, generate, load};
 use std::{error::Error, path::Path, time::Instant};
@@ -112,7 +117,7 @@ fn fill(t: [(Vec2, f32); 3], color: [u8; 3], image: &mut [[u8; 3]], depth: &mut 
             let v = (b - a).perp_dot(p - a) / area;
             let w = 1.0 - u - v;
             let z = w * za + u * zb + v * zc;
-            if u >= 0.0 && v >= 0.0 && w >= 0.0 && z > depth[y * WIDTH + x] {
+            if u.min(v).min(w) >= -1e-4 && z > depth[y * WIDTH + x] {
                 depth[y * WIDTH + x] = z;
                 image[y * WIDTH + x] = color;
             }

@@ -24,13 +24,11 @@ pub struct AutomaticView {
 /// Chooses a view of a mesh with Y up, deterministically.
 ///
 /// The triangles are marked in a grid of at most 48³ cells. The scene is an *interior* if its
-/// middle is hollow: at least a sixth of the cells in the middle half (and between 15 % and 65 %
+/// middle is hollow: at least two fifths of the cells in the middle half (and between 15 % and 65 %
 /// of the height) are free and look, in most of 16 horizontal directions and downward, at the
 /// front sides of triangles. (The inside of a solid object looks at back sides.) The camera then
 /// stands in a free cell from which the view is long and nothing is close, and looks along the
-/// longest view. If the whole scene is no interior, the box of all vertices but the outermost
-/// hundredth on each side gets a second chance: one far lamp or a wide ground hides no courtyard.
-/// Otherwise the camera stands outside, above and to the front, at a distance that frames
+/// longest view. Otherwise it stands outside, above and to the front, at a distance that frames
 /// the bounding sphere.
 #[must_use]
 pub fn automatic_camera(mesh: &TriangleMesh) -> AutomaticView {
@@ -39,11 +37,13 @@ pub fn automatic_camera(mesh: &TriangleMesh) -> AutomaticView {
         let camera = Camera::look_at(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, Vec3::Y, 0.7);
         return AutomaticView { camera, inside: false, lamp: None };
     }
-    let whole = || Grid::new(mesh, bounds).and_then(|grid| grid.interior());
-    let most = || Grid::new(mesh, trimmed(mesh, bounds)).and_then(|grid| grid.interior());
-    if let Some(view) = whole().or_else(most) {
+    if let Some(view) = Grid::new(mesh).and_then(|grid| grid.interior()) {
         return view;
     }
+    // One far lamp or a wide empty ground should not make everything else small.
+    let most = trimmed(mesh, bounds);
+    let size = |b: Aabb| (b.max.as_dvec3() - b.min.as_dvec3()).length();
+    let bounds = if size(bounds) > 1.5 * size(most) { most } else { bounds };
     const FOV: f32 = 0.7;
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let center = (min + max) * 0.5;
@@ -68,11 +68,7 @@ fn trimmed(mesh: &TriangleMesh, bounds: Aabb) -> Aabb {
         }
         let mut counts = [0_usize; BINS];
         for p in mesh.positions().iter().filter(|p| bounds.contains_point(**p)) {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "the point lies within the bounds"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "the point lies within the bounds")]
             let bin = ((f64::from(p[axis]) - low) / width) as usize;
             counts[bin.min(BINS - 1)] += 1;
         }
@@ -151,18 +147,15 @@ struct Survey {
 }
 
 impl Grid {
-    fn new(mesh: &TriangleMesh, bounds: Aabb) -> Option<Self> {
+    fn new(mesh: &TriangleMesh) -> Option<Self> {
+        let bounds = mesh.bounds();
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let extent = max - min;
         let cell = extent.max_element() / RESOLUTION;
         if !(cell.is_finite() && cell > 0.0) {
             return None;
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between 0 and the resolution"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "between 0 and the resolution")]
         let size = (extent / cell).to_array().map(|n| n.ceil().clamp(1.0, RESOLUTION) as usize);
         let mut grid = Self { min, cell, size, cells: Vec::new() };
         let count = size.iter().product();
@@ -185,11 +178,7 @@ impl Grid {
     fn mark(&self, [a, b, c]: [DVec3; 3], cells: &mut [Cell]) {
         let (ab, ac) = (b - a, c - a);
         let longest = ab.length_squared().max(ac.length_squared()).max((c - b).length_squared());
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "at most 48·√3 cells long, doubled"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "at most 48·√3 cells long, doubled")]
         let n = (longest.sqrt() / (0.6 * self.cell)).ceil().clamp(1.0, 200.0) as u32;
         let normal = ab.cross(ac).try_normalize().unwrap_or(DVec3::ZERO);
         #[expect(clippy::cast_possible_truncation, reason = "between -1000 and 1000")]
@@ -217,23 +206,17 @@ impl Grid {
         let q = (p - self.min) / self.cell;
         let mut index = 0;
         for k in [2, 1, 0] {
-            #[expect(clippy::cast_precision_loss, reason = "at most 48")]
             let size = self.size[k] as f64;
             if !(q[k] >= -0.01 && q[k] <= size + 0.01) {
                 return None;
             }
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "clamped to the grid"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
             let i = q[k].clamp(0.0, size - 0.5) as usize;
             index = index * self.size[k] + i;
         }
         Some(index)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "at most 48")]
     fn center(&self, [x, y, z]: [usize; 3]) -> DVec3 {
         self.min + (DVec3::new(x as f64, y as f64, z as f64) + 0.5) * self.cell
     }
@@ -268,7 +251,6 @@ impl Grid {
         let (mut hits, mut fronts) = (0.0_f64, 0.0);
         let down = self.look(from, DVec3::NEG_Y);
         for k in 0..DIRECTIONS {
-            #[expect(clippy::cast_precision_loss, reason = "16 directions")]
             let (sin, cos) = (k as f64 * std::f64::consts::TAU / DIRECTIONS as f64).sin_cos();
             let direction = DVec3::new(cos, 0.0, sin);
             if let Some((distance, front)) = self.look(from, direction) {
@@ -312,8 +294,7 @@ impl Grid {
         let is_middle = |&[x, _, z]: &[usize; 3]| middle(x, nx) && middle(z, nz);
         let all = cells.iter().filter(|c| is_middle(c)).count();
         let hollow = cells.iter().zip(&found).filter(|(c, f)| is_middle(c) && f.is_some()).count();
-        if std::env::var_os("NIWAKI_DEBUG").is_some() { eprintln!("hollow {hollow} of {all}"); }
-        if all == 0 || hollow * 6 < all {
+        if all == 0 || 5 * hollow < 2 * all {
             return None;
         }
         // At about eye level, where the view is long but nothing stands close.

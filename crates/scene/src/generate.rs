@@ -19,8 +19,7 @@ mod stadium;
 use crate::Scene;
 
 /// The scenes that [`generate`] makes.
-pub const NAMES: &[&str] = 
-    &["dragon", "hair", "atrium", "city", "pipes", "foliage", "stadium"];
+pub const NAMES: &[&str] = &["dragon", "hair", "atrium", "city", "pipes", "foliage", "stadium"];
 
 /// Makes a scene of about `triangles` triangles (within 5 % from 1,000 on), or `None` for an
 /// unknown name.

@@ -1,11 +1,27 @@
 //! Scenes from OBJ and glTF files and from seeded procedural generators.
 //!
 //! ```
-//! let scene = niwaki_scene::generate::generate("hair", 10_000, 1).ok_or("no such scene")?;
+//! let scene = niwaki_scene::generate::generate("atrium", 10_000, 1).ok_or("no such scene")?;
 //! assert!((9_500..=10_500).contains(&scene.mesh.len()));
 //! println!("{} triangles, {} materials", scene.mesh.len(), scene.materials.len());
 //! # Ok::<(), &str>(())
 //! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`load`](mod@load) | files: OBJ, glTF and GLB, also packed with zstd |
+//! | [`generate`] | procedural scenes of any size |
+//! | [`scene`] | triangles with what a renderer needs, and what a loader left out |
+//! | [`instanced`] | meshes stored once and the places where they stand |
+//! | [`material`], [`texture`] | surfaces |
+//! | [`light`] | cameras, punctual lights, the environment |
+//! | [`error`] | why a file could not be loaded |
+//!
+//! There are no feature flags.
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 mod automatic;
 pub mod error;

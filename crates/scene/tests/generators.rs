@@ -1,7 +1,10 @@
 //! The procedural scenes.
 
 use niwaki_core::glam::Vec3;
-use niwaki_scene::{Scene, automatic_camera, generate::{NAMES, generate}};
+use niwaki_scene::{
+    Scene, automatic_camera,
+    generate::{NAMES, generate},
+};
 
 fn make(name: &str, triangles: usize, seed: u64) -> Scene {
     generate(name, triangles, seed).expect("the name is in the list")

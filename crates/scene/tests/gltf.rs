@@ -56,7 +56,8 @@ fn materials_and_their_extensions() {
         "extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":8},
             "KHR_materials_ior":{"ior":1.33},
             "KHR_materials_transmission":{"transmissionFactor":0.75}}}]"#;
-    let json = square_json(r#"{"mesh":0}"#, more).replace("\"indices\":1", "\"indices\":1,\"material\":0");
+    let json =
+        square_json(r#"{"mesh":0}"#, more).replace("\"indices\":1", "\"indices\":1,\"material\":0");
     let folder = Folder::new();
     let scene = load(&folder.file("m.glb", glb(&json, &square()))).unwrap();
     let m = scene.material(0);
@@ -70,7 +71,8 @@ fn materials_and_their_extensions() {
 fn textures_that_cannot_be_decoded_are_counted_and_named() {
     let more = r#","materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
         "textures":[{"source":0}],"images":[{"uri":"data:image/png;base64,AAAA"}]"#;
-    let json = square_json(r#"{"mesh":0}"#, more).replace("\"indices\":1", "\"indices\":1,\"material\":0");
+    let json =
+        square_json(r#"{"mesh":0}"#, more).replace("\"indices\":1", "\"indices\":1,\"material\":0");
     let folder = Folder::new();
     let scene = load(&folder.file("t.glb", glb(&json, &square()))).unwrap();
     assert_eq!((scene.mesh.len(), scene.dropped.textures), (2, 1));
@@ -85,7 +87,8 @@ fn bad_triangles_are_dropped_and_degenerate_ones_kept() {
     binary[24..28].copy_from_slice(&f32::NAN.to_le_bytes());
     binary[48..60].copy_from_slice(&[0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 9, 0]);
     let folder = Folder::new();
-    let scene = load(&folder.file("b.glb", glb(&square_json(r#"{"mesh":0}"#, ""), &binary))).unwrap();
+    let scene =
+        load(&folder.file("b.glb", glb(&square_json(r#"{"mesh":0}"#, ""), &binary))).unwrap();
     assert_eq!(scene.mesh.len(), 1);
     assert_eq!(scene.mesh.indices()[0], [0, 0, 0]);
     let d = &scene.dropped;
@@ -103,14 +106,19 @@ fn broken_files_name_the_place() {
         (good.replace("\"count\":4", "\"count\":5"), "attributes.POSITION"),
         (good.replace("\"count\":4", "\"count\":4000000000000"), "attributes.POSITION"),
         (good.replace("\"byteOffset\":48", "\"byteOffset\":49"), "bufferViews[1]"),
-        (good.replace("\"byteOffset\":48", "\"byteOffset\":18446744073709551615"), "bufferViews[1]"),
+        (
+            good.replace("\"byteOffset\":48", "\"byteOffset\":18446744073709551615"),
+            "bufferViews[1]",
+        ),
         (good.replace("\"byteLength\":60", "\"byteLength\":61000"), "buffers[0]"),
         (good.replace("\"VEC3\"", "\"VEC2\""), "attributes.POSITION"),
         (good.replace("5123", "5126"), "indices"),
         (good.replace("\"POSITION\":0", "\"POSITION\":9"), "accessors[9]"),
         (good.replace("\"asset\"", "asset"), "JSON line 1"),
-        (square_json(r#"{"mesh":0}"#, r#","extensionsRequired":["KHR_draco_mesh_compression"]"#),
-            "extensionsRequired[0]"),
+        (
+            square_json(r#"{"mesh":0}"#, r#","extensionsRequired":["KHR_draco_mesh_compression"]"#),
+            "extensionsRequired[0]",
+        ),
     ];
     for (json, place) in cases {
         let error = error_of(&json);
@@ -154,4 +162,34 @@ fn limits_are_errors_before_memory_is_used() {
         niwaki_scene::load(&path, &small),
         Err(LoadError::TooLarge { option: "max_bytes", .. })
     ));
+}
+
+#[test]
+fn buffers_beside_the_file_and_sparse_values() {
+    let folder = Folder::new();
+    folder.file("a square.bin", square());
+    // The first corner moves to the third's place: index 0 and value 2 of the same buffer.
+    let json = square_json(r#"{"mesh":0}"#, "")
+        .replace("\"byteLength\":60", "\"byteLength\":60,\"uri\":\"a%20square.bin\"")
+        .replace(
+            "\"count\":4",
+            r#""count":4,"sparse":{"count":1,
+                "indices":{"bufferView":1,"componentType":5123},
+                "values":{"bufferView":0,"byteOffset":24}}"#,
+        );
+    let scene = load(&folder.file("b.gltf", json.as_bytes())).unwrap();
+    assert_eq!(scene.mesh.triangle(0).v0, Vec3::new(1.0, 1.0, 0.0));
+    assert_eq!(scene.mesh.triangle(0).v1, Vec3::X);
+    let missing = json.replace("a%20square", "gone");
+    let error = load(&folder.file("c.gltf", missing)).unwrap_err().to_string();
+    assert!(error.contains("gone.bin"), "{error}");
+}
+
+#[test]
+fn transforms_out_of_range_drop_their_triangles() {
+    let nodes = r#"{"children":[1,2]},{"mesh":0},{"mesh":0,"scale":[3e38,3e38,1],
+        "translation":[3e38,0,0]}"#;
+    let folder = Folder::new();
+    let scene = load(&folder.file("far.glb", glb(&square_json(nodes, ""), &square()))).unwrap();
+    assert_eq!((scene.mesh.len(), scene.dropped.non_finite_triangles), (2, 2));
 }

@@ -37,7 +37,11 @@ fn survives(name: &str, bytes: &[u8]) {
     }
 }
 
-fn mutated(mut bytes: Vec<u8>, edits: &[(prop::sample::Index, u8)], cut: Option<prop::sample::Index>) -> Vec<u8> {
+fn mutated(
+    mut bytes: Vec<u8>,
+    edits: &[(prop::sample::Index, u8)],
+    cut: Option<prop::sample::Index>,
+) -> Vec<u8> {
     for (at, value) in edits {
         let at = at.index(bytes.len());
         bytes[at] = *value;

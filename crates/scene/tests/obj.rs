@@ -72,11 +72,17 @@ fn a_missing_library_is_reported_but_no_error() {
 #[test]
 fn bad_faces_are_dropped_with_their_lines() {
     let folder = Folder::new();
-    let text = format!("{QUAD}v nan 0 0\nv 1.#INF 0 0\nf 1 2 3\nf 1 2 99\nf 1 2 5\nf 1 2\nl 1 2\nf 0 1 2\n");
+    let text = format!(
+        "{QUAD}v nan 0 0\nv 1.#INF 0 0\nf 1 2 3\nf 1 2 99\nf 1 2 5\nf 1 2\nl 1 2\nf 0 1 2\n"
+    );
     let scene = load(&folder.file("a.obj", text)).unwrap();
     assert_eq!(scene.mesh.len(), 1);
     let d = &scene.dropped;
-    assert_eq!((d.index_out_of_range, d.non_finite_triangles, d.points_and_lines), (2, 1, 2), "{d}");
+    assert_eq!(
+        (d.index_out_of_range, d.non_finite_triangles, d.points_and_lines),
+        (2, 1, 2),
+        "{d}"
+    );
     assert!(d.to_string().contains("line 8"), "{d}");
 }
 

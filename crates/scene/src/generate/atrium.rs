@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{Camera, Environment, Light, LightKind, Material};
 use glam::{DMat3, DVec3, Vec3};
+use niwaki_core::to_u32;
 use std::f64::consts::FRAC_PI_2;
 
 const FLOOR: u32 = 0;
@@ -40,12 +41,8 @@ fn materials() -> Vec<Material> {
 }
 
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
-    let camera = Camera::look_at(
-        Vec3::new(-12.5, 2.2, -1.2),
-        Vec3::new(6.0, 3.2, 1.0),
-        Vec3::Y,
-        1.1,
-    );
+    let camera =
+        Camera::look_at(Vec3::new(-12.5, 2.2, -1.2), Vec3::new(6.0, 3.2, 1.0), Vec3::Y, 1.1);
     let mut plan = Plan::new(materials(), camera, Environment::DAYLIGHT);
     plan.lights.push(Light {
         kind: LightKind::Directional,
@@ -62,7 +59,7 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     });
     let mut budget = Budget::new(triangles - SHELL_TRIANGLES - 2, 1.0);
     // Few, coarser pieces for small requests.
-    let spans = (triangles / 4000).clamp(3, 8);
+    let spans = (triangles / 4000).clamp(1, 8);
     let posts = posts(spans);
     let details = posts.len() as f64;
     let mut random = Random::new(seed, 0);
@@ -83,7 +80,13 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         let share = budget.share(0.26 / spans as f64);
         let x = COURT[0] * (2.0 * (i as f64 + 0.5) / spans as f64 - 1.0);
         let z = if i % 2 == 0 { COURT[1] } else { -COURT[1] };
-        budget.spend(drapery(&mut plan, share, DVec3::new(x, 9.2, z), 4 + (i % 2) as u32, &mut random));
+        budget.spend(drapery(
+            &mut plan,
+            share,
+            DVec3::new(x, 9.2, z),
+            4 + to_u32(i % 2),
+            &mut random,
+        ));
     }
     let vases = spans.min(5);
     for i in 0..vases {
@@ -93,7 +96,7 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         budget.spend(vase(&mut plan, share, DVec3::new(x, 0.0, random.range(-1.5, 1.5)), material));
     }
     let left = budget.share(1.0);
-    let size = cells(left, 2.0, [8, 4]);
+    let size = cells(left, 2.0, [3, 2]);
     plan.grid(LAMP, size, Wrap::U, |u, v| {
         let (sin, cos) = sin_cos_turns(0.5 * v);
         DVec3::new(0.0, 8.2, 0.0) + (circle(-u) * sin - DVec3::Y * cos) * 0.35
@@ -153,7 +156,7 @@ fn arches(spans: usize) -> Vec<([f64; 2], [f64; 2])> {
 
 /// A fluted column with base and capital.
 fn column(plan: &mut Plan, share: usize, foot: DVec3) -> usize {
-    plan.grid(COLUMN, cells(share, 1.2, [6, 3]), Wrap::U, move |u, v| {
+    plan.grid(COLUMN, cells(share, 1.2, [5, 2]), Wrap::U, move |u, v| {
         let ends = smoothstep(0.12, 0.04, v) + smoothstep(0.86, 0.97, v);
         let (_, flute) = sin_cos_turns(16.0 * u);
         let (_, ring) = sin_cos_turns(6.0 * v.min(0.1) / 0.1);
@@ -173,7 +176,7 @@ fn arch(plan: &mut Plan, share: usize, from: [f64; 2], to: [f64; 2], base: f64) 
     let half = (b - a).length() * 0.5;
     let middle = (a + b) * 0.5;
     let rise = 1.1;
-    plan.grid(ARCH, cells(share, 0.7, [4, 4]), Wrap::U, move |u, v| {
+    plan.grid(ARCH, cells(share, 0.7, [4, 2]), Wrap::U, move |u, v| {
         let (sin, cos) = sin_cos_turns(0.5 * v);
         // The section is a superellipse-like square, swept along half an ellipse.
         let c = circle(-u);
@@ -181,7 +184,8 @@ fn arch(plan: &mut Plan, share: usize, from: [f64; 2], to: [f64; 2], base: f64) 
         let (_, mould) = sin_cos_turns(12.0 * u);
         let size = 0.3 * square * (1.0 + 0.04 * mould);
         let out = along * -cos + DVec3::Y * sin;
-        middle - along * (half * cos) + DVec3::Y * (rise * sin)
+        middle - along * (half * cos)
+            + DVec3::Y * (rise * sin)
             + out * (c.x * size)
             + across * (c.z * size)
     })
@@ -192,7 +196,7 @@ fn drapery(plan: &mut Plan, share: usize, top: DVec3, material: u32, random: &mu
     let seed = random.next_u64();
     let phase = random.unit();
     let width = random.range(1.2, 1.7);
-    plan.grid(material, cells(share, 0.8, [4, 4]), Wrap::No, move |u, v| {
+    plan.grid(material, cells(share, 0.8, [3, 3]), Wrap::No, move |u, v| {
         let (fold, _) = sin_cos_turns(7.0 * u + phase + 0.2 * v);
         let sway = noise(DVec3::new(3.0 * u, 2.5 * v, phase * 9.0), seed);
         let x = (u - 0.5) * 2.0 * width * (1.0 - 0.15 * v);
@@ -203,7 +207,7 @@ fn drapery(plan: &mut Plan, share: usize, top: DVec3, material: u32, random: &mu
 
 /// A vase turned on a lathe.
 fn vase(plan: &mut Plan, share: usize, foot: DVec3, material: u32) -> usize {
-    plan.grid(material, cells(share, 1.0, [6, 4]), Wrap::U, move |u, v| {
+    plan.grid(material, cells(share, 1.0, [5, 3]), Wrap::U, move |u, v| {
         let (sin, cos) = sin_cos_turns(0.75 * v);
         let radius = 0.12 + 0.32 * sin.max(0.0) + 0.05 * cos.abs() + 0.1 * smoothstep(0.85, 1.0, v);
         // Closed at the bottom.

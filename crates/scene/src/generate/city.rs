@@ -2,12 +2,13 @@
 //! the axes.
 
 use super::{
-    math::{circle, sin_cos_turns, turbulence},
+    math::{circle, sin_cos_turns, turbulence, whole},
     piece::{Budget, Patch, Plan, Wrap, cells},
     random::Random,
 };
 use crate::{Camera, Environment, Light, LightKind, Material};
 use glam::{DMat3, DVec3, Vec3};
+use niwaki_core::to_u32;
 
 const GROUND: u32 = 0;
 const HOUSES: u32 = 1;
@@ -36,10 +37,10 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         Material::emitter("lantern", Vec3::new(30.0, 22.0, 12.0)),
     ];
     // A house takes about 60 boxes; the grid of lots grows with the request.
-    let lots = ((triangles as f64 / 1200.0).sqrt().round() as usize).clamp(2, 200);
+    let lots = whole((triangles as f64 / 1200.0).sqrt() + 0.5).clamp(2, 200);
     let pitch = 16.0;
     let size = lots as f64 * pitch;
-    let eye = Vec3::new(-0.42 * size as f32, 14.0 + 0.16 * size as f32, 0.5 * size as f32);
+    let eye = DVec3::new(-0.42 * size, 14.0 + 0.16 * size, 0.5 * size).as_vec3();
     let camera = Camera::look_at(eye, Vec3::new(0.0, 6.0, 0.0), Vec3::Y, 0.9);
     let mut plan = Plan::new(materials, camera, Environment::DAYLIGHT);
     plan.lights.push(Light {
@@ -62,11 +63,8 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         let (i, j) = (lot % lots, lot / lots);
         let mut district = Random::new(seed, 1000 + (j / 4 * lots + i / 4) as u64);
         let (sin, cos) = sin_cos_turns(district.range(0.02, 0.23) + 0.004 * random.unit());
-        let axes = DMat3::from_cols(
-            DVec3::new(cos, 0.0, sin),
-            DVec3::Y,
-            DVec3::new(-sin, 0.0, cos),
-        );
+        let axes =
+            DMat3::from_cols(DVec3::new(cos, 0.0, sin), DVec3::Y, DVec3::new(-sin, 0.0, cos));
         let share = houses.share(1.0);
         let half = DVec3::new(
             random.range(3.5, 5.5),
@@ -76,7 +74,12 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         let jitter = DVec3::new(random.range(-1.0, 1.0), 0.0, random.range(-1.0, 1.0));
         let place = DVec3::new(i as f64 + 0.5, 0.0, j as f64 + 0.5) * pitch + jitter;
         let center = place - DVec3::new(0.5 * size, 0.0, 0.5 * size) + DVec3::Y * half.y;
-        houses.spend(house(&mut plan, share, House { center, half, axes, windows: [0; 3] }, &mut random));
+        houses.spend(house(
+            &mut plan,
+            share,
+            House { center, half, axes, windows: [0; 3] },
+            &mut random,
+        ));
     }
     budget.spend(houses_budget - houses.left());
     // Domes of mosques and churches, the finest geometry of the city.
@@ -103,10 +106,10 @@ fn house(plan: &mut Plan, share: usize, mut house: House, random: &mut Random) -
     let boxes = (share / 12).max(1);
     let extra = boxes.saturating_sub(2);
     // As many windows as there are boxes for, spread over storeys and fronts as they fit.
-    let storeys = ((house.half.y * 2.0 / 3.0) as usize).clamp(1, extra.max(1));
+    let storeys = whole(house.half.y * 2.0 / 3.0).clamp(1, extra.max(1));
     let around = extra.div_ceil(storeys).max(1);
     house.windows = [around.div_ceil(4).max(1), storeys, extra];
-    let material = HOUSES + random.below(3) as u32;
+    let material = HOUSES + to_u32(random.below(3));
     let lit = random.below(40) == 0;
     let taken = 12 * boxes;
     let cornice = boxes > 1;
@@ -147,7 +150,8 @@ fn windows(patch: &mut Patch, house: &House, numbers: std::ops::Range<usize>, ha
         let mut local = DVec3::ZERO;
         local[sideways] = spread * (house.half[sideways] - 0.3);
         local[outward] = sign * (house.half[outward] + 0.05 * layer as f64);
-        local.y = ((storey as f64 + 0.5) / storeys.max(1) as f64 * 2.0 - 1.0) * (house.half.y - 0.4);
+        local.y =
+            ((storey as f64 + 0.5) / storeys.max(1) as f64 * 2.0 - 1.0) * (house.half.y - 0.4);
         let narrow = (0.8 * house.half[sideways] / columns as f64).min(half.x);
         let mut size = DVec3::new(0.0, half.y.min(0.8 * house.half.y / storeys as f64), 0.0);
         size[sideways] = narrow;

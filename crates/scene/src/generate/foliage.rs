@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{Camera, Environment, Light, LightKind, Material};
 use glam::{DMat3, DVec3, Vec3};
+use niwaki_core::to_u32;
 
 const GROUND: u32 = 0;
 const BARK: u32 = 1;
@@ -63,7 +64,8 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     for k in 0..trees {
         let mut random = Random::new(seed, 100 + k as u64);
         let place = loop {
-            let p = DVec3::new(random.range(-1.0, 1.0), 0.0, random.range(-1.0, 1.0)) * (YARD - 1.5);
+            let p =
+                DVec3::new(random.range(-1.0, 1.0), 0.0, random.range(-1.0, 1.0)) * (YARD - 1.5);
             // Not in the fountain, and not where the camera stands.
             if p.length() > 3.0 && p.distance(DVec3::new(-10.5, 0.0, -10.0)) > 3.5 {
                 break p;
@@ -159,8 +161,8 @@ fn tree(plan: &mut Plan, share: usize, place: DVec3, random: &mut Random) -> usi
         }
         patch
     });
-    let size = (2.5 / (leaves.max(1) as f64).sqrt()).clamp(0.01, 0.15);
-    let material = LEAF + random.below(2) as u32;
+    let size = (5.0 / (leaves.max(1) as f64).sqrt()).clamp(0.012, 0.2);
+    let material = LEAF + to_u32(random.below(2));
     plan.piece(material, move || {
         let mut patch = Patch::default();
         let mut random = Random::new(seed, 0);

@@ -11,7 +11,6 @@ use glam::{DVec3, Vec3};
 /// Triangles of a strand where there are enough: three sides, 24 segments.
 const STRAND: usize = 3 * 24 * 2;
 
-#[expect(clippy::cast_precision_loss, reason = "strand counts are far below 2^53")]
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let materials = vec![
         Material::matte("scalp", Vec3::new(0.25, 0.15, 0.1)),

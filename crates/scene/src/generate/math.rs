@@ -34,6 +34,16 @@ pub(super) fn circle(turns: f64) -> DVec3 {
     DVec3::new(cos, 0.0, sin)
 }
 
+/// The whole part of a number, 0 for negative ones.
+pub(super) fn whole(x: f64) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the conversion saturates, and truncating is what is asked for"
+    )]
+    let whole = x as usize;
+    whole
+}
+
 /// 0 up to `a`, 1 from `b` on, smooth between (3t² − 2t³).
 pub(super) fn smoothstep(a: f64, b: f64, x: f64) -> f64 {
     let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
@@ -52,7 +62,6 @@ pub(super) fn noise(p: DVec3, seed: u64) -> f64 {
         for c in [x + dx, y + dy, z + dz] {
             h = super::random::mix(h ^ c.cast_unsigned());
         }
-        #[expect(clippy::cast_precision_loss, reason = "53 bits are exact")]
         let unit = (h >> 11) as f64 * (1.0 / (1_u64 << 53) as f64);
         2.0 * unit - 1.0
     };

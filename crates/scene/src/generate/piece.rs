@@ -1,5 +1,6 @@
 //! Pieces that scenes are put together from, evaluated in parallel and joined in order.
 
+use super::math::whole;
 use crate::{Camera, Dropped, Environment, Light, Material, Scene};
 use glam::{DMat3, DVec3, Vec3};
 use niwaki_core::{TriangleMesh, to_u32};
@@ -179,14 +180,10 @@ fn grid(nu: usize, nv: usize, wrap: Wrap, f: &(impl Fn(f64, f64) -> DVec3 + Sync
 
 /// Cells of a grid of about `triangles` triangles with `aspect` columns a row, at least `least`.
 pub(super) fn cells(triangles: usize, aspect: f64, least: [usize; 2]) -> [usize; 2] {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "the root of half a triangle count is small and positive"
-    )]
-    let nu = ((triangles as f64 * 0.5 * aspect).max(0.0).sqrt().round() as usize).max(least[0]);
+    let nu = whole((triangles as f64 * 0.5 * aspect).sqrt() + 0.5).max(least[0]);
     let nv = ((triangles + nu) / (2 * nu)).max(least[1]);
+    // Rows are few and long: what they leave is made up by the columns.
+    let nu = ((triangles + nv) / (2 * nv)).max(least[0]);
     [nu, nv]
 }
 
@@ -204,16 +201,10 @@ impl Budget {
     }
 
     /// The share of the next part.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "shares are between 0 and the triangle count"
-    )]
     pub(super) fn share(&mut self, weight: f64) -> usize {
         let share = self.triangles as f64 * (weight / self.weight.max(weight)).clamp(0.0, 1.0);
         self.weight = (self.weight - weight).max(0.0);
-        share as usize
+        whole(share)
     }
 
     /// How many triangles are not spent.

@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{Camera, Environment, Light, LightKind, Material};
 use glam::{DMat3, DVec3, Vec3};
+use niwaki_core::to_u32;
 
 const STEEL: u32 = 0;
 const BEAM: u32 = 3;
@@ -18,13 +19,9 @@ const FLOOR: u32 = 6;
 
 /// The hall: half extents in X and Z, and its height, in metres.
 const HALL: DVec3 = DVec3::new(40.0, 24.0, 25.0);
-const AROUND: usize = 12;
-const BEND_STEPS: usize = 5;
-/// Triangles of a run of `legs` straight legs: each one ring of long quads, each bend five.
-const fn run_triangles(legs: usize) -> usize {
-    2 * AROUND * (legs + (legs - 1) * BEND_STEPS)
-}
+/// Straight legs of a run, each one ring of long quads, and rings of the bends between them.
 const LEGS: usize = 4;
+const BEND_STEPS: usize = 5;
 
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let matte = |name, r, g, b| Material::matte(name, Vec3::new(r, g, b));
@@ -53,9 +50,6 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         patch
     });
     let mut budget = Budget::new(triangles - 2, 1.0);
-    let beams = budget.share(0.12) / 12;
-    plan.piece(BEAM, move || racks(beams, seed));
-    budget.spend(12 * beams);
     let mut random = Random::new(seed, 1);
     let vessels = (triangles / 20_000).clamp(1, 12);
     for k in 0..vessels {
@@ -73,8 +67,10 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         }));
     }
     // Runs come in bundles of parallel pipes.
-    let left = budget.share(1.0);
-    let runs = (left / run_triangles(LEGS)).max(1);
+    let around = if triangles < 20_000 { 4 } else { 12 };
+    let each = 2 * around * (LEGS + (LEGS - 1) * BEND_STEPS);
+    let runs = (budget.share(0.82) / each).max(1);
+    budget.spend(runs * each);
     let scale = (300.0 / runs as f64).sqrt().clamp(0.03, 1.0);
     let mut made = 0;
     let mut bundle = 0;
@@ -83,14 +79,17 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         let pipes = (2 + random.below(7)).min(runs - made);
         let radius = random.range(0.08, 0.3) * scale;
         let path = path(&mut random);
-        let material = STEEL + random.below(3) as u32;
+        let material = STEEL + to_u32(random.below(3));
         for pipe in 0..pipes {
             let offset = pipe as f64 * 2.6 * radius;
-            plan.piece(material, move || run(&path, radius, offset));
+            plan.piece(material, move || run(&path, around, radius, offset));
         }
         made += pipes;
         bundle += 1;
     }
+    // Beams are the smallest parts, so they make up what the others left.
+    let beams = budget.share(1.0) / 12;
+    plan.piece(BEAM, move || racks(beams, seed));
     plan
 }
 
@@ -124,7 +123,7 @@ fn path(random: &mut Random) -> [DVec3; LEGS + 1] {
 }
 
 /// A tube along a path whose corners are rounded, moved sideways by `offset`.
-fn run(path: &[DVec3; LEGS + 1], radius: f64, offset: f64) -> Patch {
+fn run(path: &[DVec3; LEGS + 1], around: usize, radius: f64, offset: f64) -> Patch {
     let reference = DVec3::new(0.31, 0.87, 0.38);
     let shift = DVec3::new(1.0, 0.6, -1.0).normalize() * offset;
     let bend = (6.0 * radius).min(1.2);
@@ -142,7 +141,7 @@ fn run(path: &[DVec3; LEGS + 1], radius: f64, offset: f64) -> Patch {
         }
     }
     rings.push((path[LEGS], (path[LEGS] - path[LEGS - 1]).normalize()));
-    super::piece::rings(&rings, AROUND, |center, direction, around| {
+    super::piece::rings(&rings, around, |center, direction, around| {
         tube(center + shift, direction, reference, around, radius)
     })
 }

@@ -29,9 +29,7 @@ impl Random {
 
     /// Uniform in [0, 1).
     pub(super) fn unit(&mut self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "53 bits are exact")]
-        let unit = (self.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64);
-        unit
+        (self.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
     /// Uniform in [a, b).

@@ -128,7 +128,9 @@ fn teapot(plan: &mut Plan, budget: &mut Budget) {
     plan.grid(POT, cells(parts.share(1.0), 1.8, [6, 3]), Wrap::U, |u, v| {
         // From the middle of the bottom to the rim.
         let (sin, _) = sin_cos_turns(0.08 + 0.36 * v);
-        let radius = (0.03 + 0.065 * sin) * smoothstep(0.0, 0.05, v) - 0.02 * smoothstep(0.7, 1.0, v);
-        circle(-u) * radius.max(0.0) + DVec3::Y * (0.115 * smoothstep(0.0, 1.0, v.sqrt() * v.sqrt()))
+        let radius =
+            (0.03 + 0.065 * sin) * smoothstep(0.0, 0.05, v) - 0.02 * smoothstep(0.7, 1.0, v);
+        circle(-u) * radius.max(0.0)
+            + DVec3::Y * (0.115 * smoothstep(0.0, 1.0, v.sqrt() * v.sqrt()))
     });
 }

@@ -251,7 +251,6 @@ fn decode(component: ComponentType, normalized: bool, raw: &[u8]) -> f32 {
     let bits = little_endian(raw);
     #[expect(clippy::cast_possible_truncation, reason = "the upper bytes are zero")]
     let (byte, short) = (bits as u8, bits as u16);
-    #[expect(clippy::cast_precision_loss, reason = "32-bit integers are no vertex data anyway")]
     let (value, most) = match component {
         ComponentType::F32 => return f32::from_bits(bits),
         ComponentType::U32 => (bits as f32, u32::MAX as f32),

@@ -1,6 +1,6 @@
 //! Material libraries of OBJ files.
 
-use super::{LoadOptions, image, read};
+use super::{LoadOptions, image, obj::without_comment, read};
 use crate::{AlphaMode, Dropped, Material, Texture};
 use glam::Vec3;
 use niwaki_core::to_u32;
@@ -131,7 +131,7 @@ fn check(name: &str, bytes: &[u8], dropped: &mut Dropped) -> String {
     let text = String::from_utf8_lossy(bytes);
     let mut out = String::with_capacity(text.len());
     for (i, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or("").trim();
+        let line = without_comment(line);
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
         let numbers: Vec<f32> = rest

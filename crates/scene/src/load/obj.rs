@@ -240,7 +240,7 @@ impl Scan {
         place: &Place,
         dropped: &mut Dropped,
     ) -> Result<bool, LoadError> {
-        let line = line.split('#').next().unwrap_or("").trim();
+        let line = without_comment(line);
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
         match keyword {
@@ -380,6 +380,17 @@ impl Scan {
         self.text.push(b'\n');
         Ok(())
     }
+}
+
+/// A line up to a `#` that begins a word (others are part of one, as in `1.#INF`), trimmed.
+pub(super) fn without_comment(line: &str) -> &str {
+    let mut previous = ' ';
+    let end = line.char_indices().find(|&(_, c)| {
+        let begins = c == '#' && previous.is_whitespace();
+        previous = c;
+        begins
+    });
+    line[..end.map_or(line.len(), |(at, _)| at)].trim()
 }
 
 /// True for `nan`, `-nan(ind)`, `1.#QNAN`, `1.#INF` and their like.

@@ -1,5 +1,7 @@
 //! Small files made byte by byte.
 
+#![allow(dead_code, unreachable_pub, reason = "each test file uses some of this")]
+
 use std::{
     path::{Path, PathBuf},
     sync::atomic::{AtomicU32, Ordering},
@@ -37,7 +39,7 @@ pub fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
     let mut binary = binary.to_vec();
     binary.resize(binary.len().next_multiple_of(4), 0);
     let mut out = b"glTF".to_vec();
-    let word = |out: &mut Vec<u8>, n: usize| out.extend((n as u32).to_le_bytes());
+    let word = |out: &mut Vec<u8>, n: usize| out.extend(niwaki_core::to_u32(n).to_le_bytes());
     word(&mut out, 2);
     word(&mut out, 12 + 16 + json.len() + binary.len());
     word(&mut out, json.len());
