@@ -53,7 +53,7 @@ fn main() -> Result<(), niwaki_core::MeshError> {
         *verdicts.entry(settle(&ray, &mesh, &exact, &kernel)).or_default() += 1;
     }
     for (verdict, count) in verdicts {
-        println!("{verdict:?}: {count}");
+        println!("{verdict:<10} {count:>6}");
     }
     Ok(())
 }

@@ -26,6 +26,25 @@ pub enum Verdict {
     OursWrong,
 }
 
+impl Verdict {
+    /// All, best first.
+    pub const ALL: [Self; 5] =
+        [Self::Agree, Self::Tie, Self::Rounding, Self::PeerWrong, Self::OursWrong];
+}
+
+/// The name in reports: `agree`, `tie`, `rounding`, `peer wrong`, `ours wrong`.
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Agree => "agree",
+            Self::Tie => "tie",
+            Self::Rounding => "rounding",
+            Self::PeerWrong => "peer wrong",
+            Self::OursWrong => "ours wrong",
+        })
+    }
+}
+
 /// Where [`settle`] draws the line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettleOptions {
