@@ -112,7 +112,7 @@ impl Table {
         })
     }
 
-    /// Decimals such that the smallest number shows two digits, and none for counts.
+    /// Decimals such that the smallest number shows three digits, and none for counts.
     fn digits(&self, column: usize) -> usize {
         if let Some(digits) = self.columns[column].digits {
             return digits;
@@ -122,7 +122,7 @@ impl Table {
         }
         let smallest = self.numbers(column).map(f64::abs).filter(|&x| x > 0.0);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
-        (0..3).find(|&digits| smallest >= 10f64.powi(1 - digits)).map_or(3, |d| d.unsigned_abs())
+        (0..3).find(|&digits| smallest >= 10f64.powi(2 - digits)).map_or(3, |d| d.unsigned_abs())
             as usize
     }
 
@@ -264,8 +264,8 @@ mod tests {
         let end = |part: &str| {
             text.lines().find_map(|l| l.find(part).map(|at| l[..at + part.len()].chars().count()))
         };
-        assert_eq!(end("1,234.5").unwrap(), end("3.2").unwrap(), "{text}");
-        assert_eq!(end("ms"), end("3.2"), "{text}");
+        assert_eq!(end("1,234.50").unwrap(), end("3.25").unwrap(), "{text}");
+        assert_eq!(end("ms"), end("3.25"), "{text}");
     }
 
     #[test]
@@ -278,8 +278,8 @@ mod tests {
     fn html_escapes_and_marks_the_best() {
         let html = sample().to_html();
         assert!(html.contains("&lt;c&gt;") && !html.contains("<c>"));
-        assert!(html.contains("<strong>3.2</strong>"), "{html}");
-        assert!(!html.contains("<strong>1,234.5</strong>"));
+        assert!(html.contains("<strong>3.25</strong>"), "{html}");
+        assert!(!html.contains("<strong>1,234.50</strong>"));
     }
 
     #[test]
