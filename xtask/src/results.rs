@@ -117,9 +117,6 @@ pub(crate) enum Source {
 }
 
 impl Source {
-    /// All of them.
-    pub(crate) const ALL: [Self; 3] = [Self::Niwaki, Self::Obvhs, Self::Embree];
-
     /// The name in files and tables.
     pub(crate) const fn name(self) -> &'static str {
         match self {

@@ -12,8 +12,8 @@ use niwaki_trace::{Counts, WideScene};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
-/// Rays that a thread takes at once.
-const CHUNK: usize = 1024;
+/// Rays that a thread takes at once: few enough that no thread waits long for the last.
+const CHUNK: usize = 256;
 /// Bytes that a wide tree or a peer's structure takes per reference, at most: only to decide
 /// whether all of them fit in memory at once.
 const BYTES_PER_REFERENCE: usize = 200;
@@ -171,7 +171,7 @@ fn measure_set(
     let longest = setup.seconds.max(0.2);
     let share = (longest / slowest.as_secs_f64().max(1e-9)).min(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of it")]
-    let most = ((set.rays.len() as f64 * share) as usize).max(CHUNK * group.threads * 4);
+    let most = ((set.rays.len() as f64 * share) as usize).max(CHUNK * group.threads * 8);
     let rays = blocks_of(&set.rays, most);
 
     let mut seconds: Vec<Vec<f64>> = vec![Vec::new(); engines.len()];

@@ -32,10 +32,11 @@ impl LogAxis {
         Self { range }
     }
 
-    fn ticks(&self, factors: &[f64], most: usize) -> Option<Vec<f64>> {
+    /// Ticks at these multiples of every `step`-th power of ten, unless there are too many.
+    fn ticks(&self, factors: &[f64], step: usize, most: usize) -> Option<Vec<f64>> {
         let mut ticks = Vec::new();
-        // Powers from below the range to above it; f64 has fewer than 700.
-        for power in -330..=308 {
+        // Powers from below any number to above it.
+        for power in (-330..=308).step_by(step) {
             for factor in factors {
                 let tick = factor * 10f64.powi(power);
                 if tick > self.range.end * (1.0 + 1e-9) {
@@ -75,10 +76,10 @@ impl Ranged for LogAxis {
             &[1.0, 3.0],
             &[1.0],
         ];
-        EVERY
-            .iter()
-            .find_map(|factors| self.ticks(factors, hint.max_num_points()))
-            .unwrap_or_default()
+        let most = hint.max_num_points();
+        let fine = EVERY.iter().find_map(|factors| self.ticks(factors, 1, most));
+        let coarse = || [2, 3, 5, 10, 30, 110].iter().find_map(|&s| self.ticks(&[1.0], s, most));
+        fine.or_else(coarse).unwrap_or_default()
     }
 
     fn range(&self) -> Range<f64> {

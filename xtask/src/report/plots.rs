@@ -277,6 +277,15 @@ pub(crate) enum Totals {
     Relative,
 }
 
+/// How far the axis of relative totals reaches: to where each curve is at its best, within reason.
+fn most_relative(costs: &[Cost], range: (f64, f64)) -> f64 {
+    let best = |rays: f64| costs.iter().map(|c| c.total(rays)).fold(f64::INFINITY, f64::min);
+    let lowest = |cost: &Cost| {
+        ray_counts(range, 50).map(|r| cost.total(r) / best(r)).fold(f64::INFINITY, f64::min)
+    };
+    costs.iter().map(|cost| 1.3 * lowest(cost)).fold(0.0, f64::max).clamp(3.0, 10.0)
+}
+
 /// Total time (build and trace) against the number of rays; marks where the best changes.
 pub(crate) fn totals(
     engines: &[(Engine<'_>, Cost)],
@@ -296,7 +305,7 @@ pub(crate) fn totals(
             (LogAxis::around(ends, 0.03), "build + trace, ms", "Total time against number of rays")
         }
         Totals::Relative => (
-            LogAxis::exactly(0.96..4.0),
+            LogAxis::exactly(0.93..most_relative(&costs, range)),
             "total time ÷ the best total there",
             "Total time relative to the best against number of rays",
         ),
@@ -332,9 +341,13 @@ pub(crate) fn totals(
             let rays = interval.from;
             let at = chart.backend_coord(&(rays, value(&costs[interval.best], rays)));
             area.draw(&Circle::new(at, 4, INK.filled())).map_err(failed)?;
-            let (name, style) = (short(rays), text(12.0, INK));
-            let style = style.pos(Pos::new(HPos::Center, VPos::Top));
-            area.draw(&Text::new(name, (at.0, at.1 + 8), style)).map_err(failed)?;
+            let (dy, v_pos) = match kind {
+                Totals::Absolute => (8, VPos::Top),
+                // Below is the axis.
+                Totals::Relative => (-10, VPos::Bottom),
+            };
+            let style = text(12.0, INK).pos(Pos::new(HPos::Center, v_pos));
+            area.draw(&Text::new(short(rays), (at.0, at.1 + dy), style)).map_err(failed)?;
         }
         name_ends(area, &mut ends)
     })
@@ -358,9 +371,10 @@ fn name_ends(area: &Area<'_>, ends: &mut [(&Engine<'_>, i32)]) -> Result<()> {
     let right = i32::try_from(SIZE.0)? - 168;
     for ((engine, end), y) in ends.iter().zip(ys) {
         let colour = colour(engine.source, engine.builder);
-        let from = if *end == i32::MIN { (right, y) } else { (right - 9, *end) };
-        let line =
-            PathElement::new([from, (right + 4, y), (right + 14, y)], colour.stroke_width(2));
+        // A long line to a far name would cross all the others; the colour tells.
+        let near = (i64::from(*end) - i64::from(y)).abs() < 40;
+        let from = if near { (right - 9, *end) } else { (right, y) };
+        let line = PathElement::new([from, (right, y), (right + 14, y)], colour.stroke_width(2));
         area.draw(&line).map_err(failed)?;
         let style = text(12.0, INK).pos(Pos::new(HPos::Left, VPos::Center));
         area.draw(&Text::new(engine.label(), (right + 18, y), style)).map_err(failed)?;

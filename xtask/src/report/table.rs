@@ -1,6 +1,6 @@
 //! A table that can be printed, written as CSV and put into HTML.
 
-use comfy_table::{CellAlignment, ContentArrangement, Table as Printed, presets};
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table as Printed, presets};
 use std::fmt::Write as _;
 
 /// What a cell holds.
@@ -77,7 +77,8 @@ impl Table {
         Self { name: name.into(), columns: Vec::new(), rows: Vec::new() }
     }
 
-    /// Adds a column whose decimals follow from its numbers.
+    /// Adds a column whose decimals follow from its numbers. Line breaks in names keep columns
+    /// narrow; CSV files have spaces instead.
     pub(crate) fn column(mut self, name: impl Into<String>, best: Best) -> Self {
         self.columns.push(Column { name: name.into(), best, digits: None });
         self
@@ -111,7 +112,7 @@ impl Table {
         })
     }
 
-    /// Decimals such that the smallest number shows two digits, and none for counts.
+    /// Decimals such that the smallest number shows three digits, and none for counts.
     fn digits(&self, column: usize) -> usize {
         if let Some(digits) = self.columns[column].digits {
             return digits;
@@ -121,7 +122,7 @@ impl Table {
         }
         let smallest = self.numbers(column).map(f64::abs).filter(|&x| x > 0.0);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
-        (0..3).find(|&digits| smallest >= 10f64.powi(1 - digits)).map_or(3, |d| d.unsigned_abs())
+        (0..3).find(|&digits| smallest >= 10f64.powi(2 - digits)).map_or(3, |d| d.unsigned_abs())
             as usize
     }
 
@@ -150,7 +151,8 @@ impl Table {
     /// Lines for a terminal.
     pub(crate) fn to_text(&self) -> String {
         let mut table = Printed::new();
-        table.load_style(presets::UTF8_HORIZONTAL_ONLY);
+        let line = || LineStyle::none().fill('─').junction('─');
+        table.load_style(presets::NOTHING.header_separator(line()).bottom_border(line()));
         // A table that is cut at the terminal's edge no longer lines up; let it run over.
         table.set_content_arrangement(ContentArrangement::Disabled);
         table.set_header(self.columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>());
@@ -173,7 +175,7 @@ impl Table {
     /// Comma-separated values, numbers in full.
     pub(crate) fn to_csv(&self) -> anyhow::Result<String> {
         let mut writer = csv::Writer::from_writer(Vec::new());
-        writer.write_record(self.columns.iter().map(|c| c.name.as_str()))?;
+        writer.write_record(self.columns.iter().map(|c| c.name.replace('\n', " ")))?;
         for row in &self.rows {
             writer.write_record(row.iter().map(|cell| match cell {
                 Cell::Text(text) => text.clone(),
@@ -262,8 +264,8 @@ mod tests {
         let end = |part: &str| {
             text.lines().find_map(|l| l.find(part).map(|at| l[..at + part.len()].chars().count()))
         };
-        assert_eq!(end("1,234.5").unwrap(), end("3.2").unwrap(), "{text}");
-        assert_eq!(end("ms"), end("3.2"), "{text}");
+        assert_eq!(end("1,234.50").unwrap(), end("3.25").unwrap(), "{text}");
+        assert_eq!(end("ms"), end("3.25"), "{text}");
     }
 
     #[test]
@@ -276,8 +278,8 @@ mod tests {
     fn html_escapes_and_marks_the_best() {
         let html = sample().to_html();
         assert!(html.contains("&lt;c&gt;") && !html.contains("<c>"));
-        assert!(html.contains("<strong>3.2</strong>"), "{html}");
-        assert!(!html.contains("<strong>1,234.5</strong>"));
+        assert!(html.contains("<strong>3.25</strong>"), "{html}");
+        assert!(!html.contains("<strong>1,234.50</strong>"));
     }
 
     #[test]

@@ -43,18 +43,18 @@ pub(crate) fn builds(group: &Group<'_>) -> Table {
     let mut table = Table::new(format!("{}-builds", group.slug()))
         .column("source", Best::Neither)
         .column("builder", Best::Neither)
-        .column("build ms", Best::Low)
+        .column("build\nms", Best::Low)
         .column("fastest", Best::Low)
-        .column_with_digits("÷ sweep", Best::Low, 3)
-        .column("to 8-wide ms", Best::Low)
-        .column("own commit ms", Best::Low)
-        .column_with_digits("÷ Embree M commit", Best::Low, 3)
-        .column_with_digits("refs/tri", Best::Neither, 3)
+        .column_with_digits("÷\nsweep", Best::Low, 3)
+        .column("to 8-wide\nms", Best::Low)
+        .column("own\ncommit ms", Best::Low)
+        .column_with_digits("÷ Embree M\ncommit", Best::Low, 3)
+        .column_with_digits("refs\n/tri", Best::Neither, 3)
         .column("nodes", Best::Neither)
-        .column_with_digits("bytes/tri", Best::Low, 1)
-        .column_with_digits("peak B/tri", Best::Low, 1)
+        .column_with_digits("bytes\n/tri", Best::Low, 1)
+        .column_with_digits("peak\nB/tri", Best::Low, 1)
         .column("SAH", Best::Low)
-        .column_with_digits("÷ sweep ", Best::Low, 3)
+        .column_with_digits("SAH\n÷ sweep", Best::Low, 3)
         .column("EPO", Best::Low)
         .column("depth", Best::Neither);
     let sweep = group.build(Source::Niwaki, "sweep");
@@ -93,19 +93,19 @@ pub(crate) fn traces(group: &Group<'_>) -> Table {
         .column("kernel", Best::Neither);
     let has_embree = group.traces.iter().any(|row| row.kernel == "embree");
     for rays in &sets {
-        table = table.column(format!("{rays} Mray/s"), Best::High).column_with_digits(
-            format!("{rays} ÷ sweep"),
+        table = table.column(format!("{rays}\nMray/s"), Best::High).column_with_digits(
+            format!("{rays}\n÷ sweep"),
             Best::High,
             3,
         );
         if has_embree {
-            table = table.column_with_digits(format!("{rays} ÷ Embree M"), Best::High, 3);
+            table = table.column_with_digits(format!("{rays}\n÷ Embree M"), Best::High, 3);
         }
     }
     let has_counts = group.traces.iter().any(|row| row.boxes_per_ray.is_some());
     if has_counts {
-        table = table.column_with_digits("boxes/ray", Best::Low, 1).column_with_digits(
-            "triangles/ray",
+        table = table.column_with_digits("boxes\n/ray", Best::Low, 1).column_with_digits(
+            "triangles\n/ray",
             Best::Low,
             1,
         );
@@ -236,23 +236,23 @@ fn summary(name: &str, groups: &[&Group<'_>]) -> Table {
     let has_embree = engines.contains(&EMBREE);
     let mut table = Table::new(name)
         .column("structure", Best::Neither)
-        .column_with_digits("build ÷ sweep", Best::Low, 3)
-        .column_with_digits("SAH ÷ sweep", Best::Low, 3)
-        .column_with_digits("to traversable ÷ sweep", Best::Low, 3);
+        .column_with_digits("build\n÷ sweep", Best::Low, 3)
+        .column_with_digits("SAH\n÷ sweep", Best::Low, 3)
+        .column_with_digits("traversable\n÷ sweep", Best::Low, 3);
     if has_embree {
-        table = table.column_with_digits("÷ Embree M commit", Best::Low, 3);
+        table = table.column_with_digits("÷ Embree M\ncommit", Best::Low, 3);
     }
-    table = table.column_with_digits("trace ÷ sweep", Best::High, 3);
+    table = table.column_with_digits("trace\n÷ sweep", Best::High, 3);
     if has_embree {
         table = table
-            .column_with_digits("trace ÷ Embree M tree", Best::High, 3)
-            .column_with_digits("trace ÷ Embree M", Best::High, 3);
+            .column_with_digits("trace ÷ Em-\nbree M tree", Best::High, 3)
+            .column_with_digits("trace ÷\nEmbree M", Best::High, 3);
         for rays in &sets {
-            table = table.column_with_digits(format!("{rays} ÷ Embree M"), Best::High, 3);
+            table = table.column_with_digits(format!("{rays}\n÷ Embree M"), Best::High, 3);
         }
     } else {
         for rays in &sets {
-            table = table.column_with_digits(format!("{rays} ÷ sweep"), Best::High, 3);
+            table = table.column_with_digits(format!("{rays}\n÷ sweep"), Best::High, 3);
         }
     }
     for engine in engines {
