@@ -249,37 +249,37 @@ scene cannot be loaded.";
 /// Every disagreement is settled in exact arithmetic as tie, rounding, peer wrong or ours wrong.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = VERIFY_EXAMPLES)]
-pub struct VerifyArgs {
+pub(crate) struct VerifyArgs {
     /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
     /// may be repeated [default: all procedural scenes]
     #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
-    pub scenes: Vec<String>,
+    pub(crate) scenes: Vec<String>,
 
     /// All files below a folder that can be loaded
     #[arg(long = "scenes", value_name = "DIR")]
-    pub folders: Vec<PathBuf>,
+    pub(crate) folders: Vec<PathBuf>,
 
     /// Our builders to check, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
-    pub builders: Vec<String>,
+    pub(crate) builders: Vec<String>,
 
     /// Rays a scene, of all kinds together [default: 1M, with --quick 50k]
     #[arg(long, value_parser = parse_count, value_name = "COUNT")]
-    pub rays: Option<usize>,
+    pub(crate) rays: Option<usize>,
 
     /// Seed of procedural scenes and rays
     #[arg(long, default_value_t = 1)]
-    pub seed: u64,
+    pub(crate) seed: u64,
 
     /// Smaller procedural scenes and fewer rays
     #[arg(long)]
-    pub quick: bool,
+    pub(crate) quick: bool,
 
     /// Leave the hard cases out
     #[arg(long)]
-    pub no_hard_cases: bool,
+    pub(crate) no_hard_cases: bool,
 
     /// Folder for verify.json
     #[arg(long, default_value = "out/verify", value_name = "DIR")]
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
 }

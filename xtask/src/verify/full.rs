@@ -3,7 +3,7 @@
 use super::{
     Options,
     compare::{Reference, any, closest},
-    kernels::each_kernel,
+    kernels::{Named, each_kernel},
     ledger::{Culprit, Ledger, Row, Tally},
     trees::{build_and_check, check_peer},
 };
@@ -126,11 +126,8 @@ pub(crate) fn run(
 }
 
 /// Peers' kernels over a mesh, for the count of leaks.
-pub(crate) fn peer_kernels(
-    embree: Option<&Embree>,
-    mesh: &TriangleMesh,
-) -> anyhow::Result<Vec<(String, Box<dyn Intersector>)>> {
-    let mut kernels: Vec<(String, Box<dyn Intersector>)> = Vec::new();
+pub(crate) fn peer_kernels(embree: Option<&Embree>, mesh: &TriangleMesh) -> anyhow::Result<Named> {
+    let mut kernels = Named::new();
     if let Some(embree) = embree {
         for (name, robust) in [("embree fast", false), ("embree robust", true)] {
             let scene = EmbreeScene::new(embree, mesh, Quality::Medium, robust)?;

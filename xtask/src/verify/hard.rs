@@ -3,7 +3,7 @@
 use super::{
     Options,
     compare::{Reference, any, closest},
-    kernels::{BruteForce, each_kernel},
+    kernels::{BruteForce, Named, each_kernel},
     ledger::{Culprit, LeakRow, Ledger, Row},
     trees::build_and_check,
 };
@@ -85,7 +85,7 @@ fn run_case(
 pub(crate) fn leaks(
     options: &Options,
     builder: &dyn Builder,
-    peers: &dyn Fn(&TriangleMesh) -> anyhow::Result<Vec<(String, Box<dyn Intersector>)>>,
+    peers: &dyn Fn(&TriangleMesh) -> anyhow::Result<Named>,
 ) -> anyhow::Result<Vec<LeakRow>> {
     let mut rows = Vec::new();
     for (name, size, offset) in [

@@ -46,7 +46,7 @@ impl Options {
 ///
 /// # Errors
 /// If a scene cannot be loaded, a file cannot be written, or anything counts against us.
-pub fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let builders = builders(&args.builders)?;
     let options = Options {
         rays: args.rays.unwrap_or(if args.quick { 50_000 } else { 1_000_000 }),
