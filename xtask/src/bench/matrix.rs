@@ -48,12 +48,18 @@ pub(crate) struct ScenePlan {
 /// The groups (scene × threads) of a shard, in order. All shards together have each group once.
 pub(crate) fn plan(scenes: usize, threads: &[usize], shard: Option<Shard>) -> Vec<ScenePlan> {
     let Shard { part, parts } = shard.unwrap_or(Shard { part: 1, parts: 1 });
+    // The least common multiple: after so many groups the same part would meet the same threads.
+    let repeats = (1..=parts).map(|n| n * threads.len()).find(|n| n.is_multiple_of(parts));
+    let repeats = repeats.unwrap_or(1).max(1);
     let mut plans: Vec<ScenePlan> = Vec::new();
     for scene in 0..scenes {
         let mine: Vec<bool> = (0..threads.len())
-            // Row by row, shifted, so that with as many parts as numbers of threads no part gets
-            // all the slow ones.
-            .map(|t| (scene * threads.len() + t + scene) % parts == part - 1)
+            .map(|t| {
+                // In turn, shifted by one whenever the turns begin to repeat, so that no part
+                // gets all groups of the same number of threads.
+                let group = scene * threads.len() + t;
+                (group + group / repeats) % parts == part - 1
+            })
             .collect();
         if mine.contains(&true) {
             let selected = threads.iter().zip(&mine).filter(|(_, m)| **m).map(|(&t, _)| t);
@@ -101,9 +107,15 @@ mod tests {
     }
 
     #[test]
-    fn two_parts_of_one_and_two_threads_share_the_slow_ones() {
-        let half = plan(4, &[1, 2], Some(Shard { part: 1, parts: 2 }));
-        let ones = half.iter().filter(|plan| plan.threads == [1]).count();
-        assert_eq!(ones, 2, "{half:?}");
+    fn no_part_gets_all_the_slow_ones() {
+        for parts in 1..=6 {
+            for part in 1..=parts {
+                let plans = plan(12, &[1, 2], Some(Shard { part, parts }));
+                let count =
+                    |t: usize| plans.iter().filter(|plan| plan.threads.contains(&t)).count();
+                assert!(count(1).abs_diff(count(2)) <= 2, "{part}/{parts}: {plans:?}");
+                assert!(count(1) > 0, "{part}/{parts}: {plans:?}");
+            }
+        }
     }
 }
