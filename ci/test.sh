@@ -21,7 +21,9 @@ if [ "$setup" = 1 ]; then
   ci/setup-vulkan.sh
   step "Embree"
   # The last line says where the library lies.
-  eval "$(ci/setup-embree.sh | tee /dev/stderr | tail -n 1)"
+  said=$(ci/setup-embree.sh)
+  printf '%s\n' "$said"
+  eval "$(tail -n 1 <<< "$said")"
   # From here on a missing Embree is a failure, not a skipped test.
   export NIWAKI_REQUIRE_EMBREE=1
 fi

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! ci/setup-embree.sh
-//! cargo run --release -p niwaki-peers --example compare
+//! cargo run --release -p niwaki-peers --example embree_and_obvhs
 //! ```
 
 use niwaki_core::{Intersector, Ray, SahConstants, Triangle, TriangleMesh, glam::Vec3};
