@@ -9,7 +9,11 @@ for package in "${packages[@]}"; do
 done
 [ ${#missing[@]} -eq 0 ] && { echo "Vulkan: already installed"; exit 0; }
 root=()
-[ "$(id -u)" = 0 ] || root=(sudo)
+if [ "$(id -u)" != 0 ]; then
+  command -v sudo > /dev/null || { echo "installing ${missing[*]} needs root: run this as root or install sudo" >&2; exit 1; }
+  root=(sudo)
+fi
 "${root[@]}" apt-get update -qq
-DEBIAN_FRONTEND=noninteractive "${root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" > /dev/null
+# Through env, since sudo drops the caller's variables.
+"${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" > /dev/null
 echo "Vulkan: installed ${missing[*]}"

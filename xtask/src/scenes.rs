@@ -142,6 +142,17 @@ impl SceneSpec {
     }
 }
 
+/// Keeps the first of scenes that were asked for more than once.
+pub(crate) fn drop_repeated(scenes: &mut Vec<SceneSpec>) {
+    let mut kept: Vec<SceneSpec> = Vec::with_capacity(scenes.len());
+    for scene in scenes.drain(..) {
+        if !kept.contains(&scene) {
+            kept.push(scene);
+        }
+    }
+    *scenes = kept;
+}
+
 /// Gives scenes of the same name longer ones, so that rows tell them apart. Procedural scenes of
 /// several sizes are told apart by their numbers of triangles.
 pub(crate) fn make_names_unique(scenes: &mut [SceneSpec]) {

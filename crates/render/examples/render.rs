@@ -21,8 +21,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
     let name = args.next();
     let output = PathBuf::from(args.next().unwrap_or_else(|| "out/render.png".into()));
-    let samples = args.next().map_or(Ok(64), |s| s.parse())?;
-    let width: u32 = args.next().map_or(Ok(640), |s| s.parse())?;
+    let samples = args.next().map_or(Ok(16), |s| s.parse())?;
+    let width: u32 = args.next().map_or(Ok(320), |s| s.parse())?;
     let scene = match name.as_deref() {
         None => spheres()?,
         Some(name) => match generate::generate(name, 300_000, 1) {

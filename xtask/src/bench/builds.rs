@@ -110,8 +110,9 @@ fn time_once(builder: &TreeBuilder, group: &Group<'_>, times: &mut Times) -> Res
     drop(wide?);
     times.build.push(milliseconds(tree.time));
     times.wide.push(milliseconds(tree.time + collapse));
-    let own = group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref()))?;
-    if let Some(own) = own {
+    // A peer whose own structure fails still has its tree to show; the failure is reported where
+    // that structure should have traced.
+    if let Ok(Some(own)) = group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref())) {
         times.commit.push(milliseconds(own.time));
     }
     times.bvh = Some(tree.bvh);

@@ -186,7 +186,7 @@ fn scenes(args: &BenchArgs, failures: &mut Failures) -> Result<Vec<SceneSpec>> {
     if specs.is_empty() {
         bail!("there is no scene to measure");
     }
-    specs.dedup();
+    drop_repeated(&mut specs);
     make_names_unique(&mut specs);
     Ok(specs)
 }
@@ -224,11 +224,19 @@ fn kernels(names: &[String]) -> Result<Vec<Kernel>> {
     Ok(kernels)
 }
 
+/// The version that this program was built with.
+fn obvhs_version() -> &'static str {
+    include_str!("../../../Cargo.lock")
+        .split_once("name = \"obvhs\"\nversion = \"")
+        .and_then(|(_, rest)| rest.split('"').next())
+        .unwrap_or("of unknown version")
+}
+
 /// Notes the peers' versions, and drops Embree's builders with a line if it is not there.
 fn find_peers(args: &BenchArgs, builders: &mut Vec<TreeBuilder>, run: &mut Run) -> Result<()> {
     let has = |builders: &[TreeBuilder], source| builders.iter().any(|b| b.source() == source);
     if has(builders, Source::Obvhs) {
-        run.peers.push("obvhs".into());
+        run.peers.push(format!("obvhs {}", obvhs_version()));
     }
     if has(builders, Source::Embree) {
         match Embree::load() {

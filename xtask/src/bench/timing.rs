@@ -20,9 +20,11 @@ impl Effort {
     }
 }
 
-/// Measures `count` rivals in turns (A B C, A B C, …), so that a change of the machine's speed
-/// meets all of them. `measure(i)` measures the i-th once and returns how long that took; one that
-/// has had its effort drops out of the turns, as does one that fails.
+/// Measures `count` rivals in turns: A B C, A B C, … until each has its least number of
+/// measurements, then always the one that has had the least time so far. A change of the machine's
+/// speed thus meets all of them, the fast ones with more measurements than the slow ones.
+/// `measure(i)` measures the i-th once and returns how long that took; one that has had its effort
+/// drops out of the turns, as does one that fails.
 pub(crate) fn in_turns(
     count: usize,
     effort: Effort,
@@ -30,14 +32,23 @@ pub(crate) fn in_turns(
 ) {
     let mut spent = vec![(0, Duration::ZERO); count];
     let mut going: Vec<usize> = (0..count).collect();
-    while !going.is_empty() {
-        going.retain(|&i| {
-            let Some(time) = measure(i) else { return false };
-            let (times, total) = &mut spent[i];
-            *times += 1;
-            *total += time;
-            *times < effort.at_most && (*times < effort.at_least || *total < effort.total)
-        });
+    // Rounds first: a stable order among those with equally few measurements, then by time.
+    while let Some(&next) = going.iter().min_by_key(|&&i| {
+        let (times, total) = spent[i];
+        if times < effort.at_least { (times, Duration::ZERO) } else { (effort.at_least, total) }
+    }) {
+        let (times, total) = &mut spent[next];
+        let done = match measure(next) {
+            None => true,
+            Some(time) => {
+                *times += 1;
+                *total += time;
+                *times >= effort.at_most || (*times >= effort.at_least && *total >= effort.total)
+            }
+        };
+        if done {
+            going.retain(|&i| i != next);
+        }
     }
 }
 
@@ -65,8 +76,9 @@ mod tests {
             order.push(i);
             Some(Duration::from_secs(seconds[i]))
         });
-        // The first takes all its turns, the second needs three for 10 s, the third its least.
-        assert_eq!(order, [0, 1, 2, 0, 1, 2, 0, 1, 0, 0]);
+        // Two rounds; the third is done; then the first until it has had the most turns, for it
+        // stays behind the second in time; the second needs one more for its 10 s.
+        assert_eq!(order, [0, 1, 2, 0, 1, 2, 0, 0, 0, 1]);
     }
 
     #[test]

@@ -4,11 +4,13 @@ use super::{
     Options,
     compare::{Reference, any, closest},
     kernels::{Named, each_kernel},
-    ledger::{Culprit, Ledger, Row, Tally},
+    ledger::{Absent, Culprit, Ledger, Row, Tally},
     trees::{build_and_check, check_peer},
 };
 use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
+use niwaki_peers::{
+    Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, PeerBuild, PeerError, Quality,
+};
 use niwaki_render::{RayKind, RecordSettings, random_rays, record_rays};
 use niwaki_scene::Scene;
 
@@ -68,29 +70,39 @@ pub(crate) fn run(
     drop(recorder);
 
     let mut peers = Vec::new();
-    let mut add_peer = |name: &str, peer: &dyn Intersector| {
-        peers.push(PeerAnswers {
-            name: name.to_owned(),
-            hits: Reference::new(mesh, &rays.closest, closest(peer, &rays.closest)),
-            flags: Reference::new(mesh, &rays.any, any(peer, &rays.any)),
-        });
+    // A peer that cannot build a scene is left out and named; it says nothing about us.
+    let mut add_peer = |kernel: &str, peer: Result<Box<dyn Intersector>, PeerError>| match peer {
+        Ok(peer) => peers.push(PeerAnswers {
+            name: kernel.to_owned(),
+            hits: Reference::new(mesh, &rays.closest, closest(peer.as_ref(), &rays.closest)),
+            flags: Reference::new(mesh, &rays.any, any(peer.as_ref(), &rays.any)),
+        }),
+        Err(error) => ledger.absent.push(Absent::new(name, kernel, &error)),
     };
+    progress("peers' own kernels");
     if let Some(embree) = embree {
-        for quality in [Quality::Low, Quality::Medium, Quality::High] {
-            progress(&format!("embree {}", quality.name()));
-            let tree = embree.build_bvh(quality, mesh)?;
-            check_peer(name, mesh, "embree", quality.name(), &tree.bvh, ledger);
+        for (kernel, robust) in [("embree", false), ("embree_robust", true)] {
+            let scene = EmbreeScene::new(embree, mesh, Quality::Medium, robust);
+            add_peer(kernel, scene.map(|s| Box::new(s) as Box<dyn Intersector>));
         }
-        add_peer("embree", &EmbreeScene::new(embree, mesh, Quality::Medium, false)?);
-        add_peer("embree_robust", &EmbreeScene::new(embree, mesh, Quality::Medium, true)?);
+    }
+    let scene = ObvhsScene::new(mesh, ObvhsPreset::Medium, ObvhsKernel::CwBvh);
+    add_peer("obvhs", scene.map(|s| Box::new(s) as Box<dyn Intersector>));
+
+    let mut check = |source, builder: &str, tree: Result<PeerBuild, PeerError>| match tree {
+        Ok(tree) => check_peer(name, mesh, source, builder, &tree.bvh, ledger),
+        Err(error) => ledger.absent.push(Absent::new(name, builder, &error)),
+    };
+    for quality in embree.map_or(&[][..], |_| &Quality::ALL) {
+        progress(&format!("embree {}", quality.name()));
+        if let Some(embree) = embree {
+            check("embree", quality.name(), embree.build_bvh(*quality, mesh));
+        }
     }
     for preset in options.obvhs_presets() {
         progress(&format!("obvhs {}", preset.name()));
-        let tree = preset.build(mesh)?;
-        check_peer(name, mesh, "obvhs", preset.name(), &tree.bvh, ledger);
+        check("obvhs", preset.name(), preset.build(mesh));
     }
-    progress("obvhs, own kernel");
-    add_peer("obvhs", &ObvhsScene::new(mesh, ObvhsPreset::Medium, ObvhsKernel::CwBvh)?);
 
     for builder in builders {
         progress(builder.name());

@@ -7,12 +7,16 @@ use super::{
     ledger::{Culprit, LeakRow, Ledger, Row},
     trees::build_and_check,
 };
-use niwaki_core::{Builder, Intersector, Ray, TriangleMesh};
+use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh, float::round_down};
+use niwaki_exact::closest_in_mesh;
 use niwaki_hard_cases::{Case, bad_rays, closed_star, rays};
 use niwaki_trace::WideScene;
 
 /// Triangle tests a case may spend on brute force.
 const BRUTE_FORCE_TESTS: usize = 40_000_000;
+
+/// Triangle tests a case may spend on exact answers.
+const EXACT_TESTS: usize = 20_000_000;
 
 /// Runs the catalogue.
 pub(crate) fn run(
@@ -40,6 +44,7 @@ fn run_case(
     let brute = BruteForce(mesh);
     let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
     let flags = Reference::new(mesh, &rays, any(&brute, &rays));
+    against_exact(case, &rays, ledger);
     let bad = bad_rays(mesh);
     for builder in builders {
         let Some(bvh) = build_and_check(case.name, mesh, builder.as_ref(), ledger)? else {
@@ -78,6 +83,47 @@ fn run_case(
         })?;
     }
     Ok(())
+}
+
+/// Brute force against the exact answer: all kernels share one triangle test, so a fault of that
+/// test would not show between them.
+fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
+    let mesh = &case.mesh;
+    let affordable = EXACT_TESTS / mesh.len().max(1);
+    let rays = &rays[..rays.len().min(affordable.max(8))];
+    let truth: Vec<Hit> = rays
+        .iter()
+        .map(|ray| match closest_in_mesh(ray, mesh) {
+            None => Hit::MISS,
+            Some(closest) => Hit {
+                t: round_down(closest.t),
+                u: 0.0,
+                v: 0.0,
+                prim_id: closest.ties.first().map_or(Hit::NO_PRIM, |tie| tie.0),
+            },
+        })
+        .collect();
+    let brute = BruteForce(mesh);
+    let occluded = truth.iter().map(Hit::is_hit).collect();
+    let (tally, wrong) = Reference::new(mesh, rays, truth).compare(&closest(&brute, rays));
+    let (any_tally, any_wrong) = Reference::new(mesh, rays, occluded).compare(&any(&brute, rays));
+    for (query, tally) in [("closest", tally), ("any", any_tally)] {
+        ledger.rows.push(Row {
+            scene: case.name.to_owned(),
+            triangles: mesh.len(),
+            builder: "none".to_owned(),
+            kernel: "brute_force".to_owned(),
+            against: "exact".to_owned(),
+            query,
+            tally,
+        });
+    }
+    ledger.culprits.extend(wrong.into_iter().chain(any_wrong).map(|what| Culprit {
+        scene: case.name.to_owned(),
+        builder: "none".to_owned(),
+        check: "triangle test against the exact answer".to_owned(),
+        what,
+    }));
 }
 
 /// Counts leaks of our fastest kernel and of `peers` on closed surfaces of several sizes and

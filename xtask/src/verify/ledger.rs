@@ -100,7 +100,24 @@ pub(crate) struct Ledger {
     pub(crate) trees: Vec<TreeRow>,
     /// Rays from inside closed surfaces that got out.
     pub(crate) leaks: Vec<LeakRow>,
+    /// Peers that could not take part.
+    pub(crate) absent: Vec<Absent>,
     pub(crate) culprits: Vec<Culprit>,
+}
+
+/// A peer that could not build a scene.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Absent {
+    pub(crate) scene: String,
+    /// Its builder or kernel.
+    pub(crate) peer: String,
+    pub(crate) why: String,
+}
+
+impl Absent {
+    pub(crate) fn new(scene: &str, peer: &str, error: &niwaki_peers::PeerError) -> Self {
+        Self { scene: scene.to_owned(), peer: peer.to_owned(), why: error.to_string() }
+    }
 }
 
 /// Rays from inside a closed surface that get out, ours beside the peers'.

@@ -14,6 +14,10 @@ pub(crate) fn tables(ledger: &Ledger) {
         println!("\nLeaks of closed surfaces, rays aimed at corners and edges from inside");
         println!("{}", leaks(ledger).to_text());
     }
+    if !ledger.absent.is_empty() {
+        println!("\nPeers that could not take part");
+        println!("{}", absent(ledger).to_text());
+    }
     if !ledger.culprits.is_empty() {
         println!("\nWhat counts against us");
         println!("{}", culprits(ledger).to_text());
@@ -32,7 +36,7 @@ fn answers(ledger: &Ledger) -> Table {
     let mut order = vec![HARD];
     for row in &ledger.rows {
         let quiet = Tally { rays: row.tally.rays, ..Tally::default() } == row.tally;
-        let is_hard = row.against == "brute_force";
+        let is_hard = matches!(row.against.as_str(), "brute_force" | "exact");
         let scene = if is_hard && quiet { HARD } else { row.scene.as_str() };
         let place = order.iter().position(|s| *s == scene).unwrap_or_else(|| {
             order.push(scene);
@@ -70,7 +74,7 @@ fn trees(ledger: &Ledger) -> Table {
     let full: Vec<&str> = ledger
         .rows
         .iter()
-        .filter(|row| row.against != "brute_force")
+        .filter(|row| !matches!(row.against.as_str(), "brute_force" | "exact"))
         .map(|row| row.scene.as_str())
         .collect();
     let mut table = table(
@@ -113,6 +117,14 @@ fn leaks(ledger: &Ledger) -> Table {
             row.leaks.into(),
             (row.leaks as f64 * 1e6 / row.rays.max(1) as f64).into(),
         ]);
+    }
+    table
+}
+
+fn absent(ledger: &Ledger) -> Table {
+    let mut table = table("absent", &["scene", "peer", "why"]);
+    for a in &ledger.absent {
+        table.push([&a.scene, &a.peer, &a.why].map(|s| s.as_str().into()).to_vec());
     }
     table
 }
