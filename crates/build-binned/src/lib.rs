@@ -31,6 +31,7 @@ mod support;
 mod tests;
 
 use kernel::Kernel;
+use niwaki_core::builder::{check_max_leaf_size, check_sah};
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh};
 
 /// The binned SAH builder.
@@ -60,18 +61,15 @@ impl Binned {
     }
 
     fn check(&self) -> Result<(), BuildError> {
-        let bad = |setting, value, remedy| Err(BuildError::BadSetting { setting, value, remedy });
         if !(2..=bins::MAX_BINS).contains(&self.bins) {
-            return bad("bins", self.bins.to_string(), "use 2 to 64");
+            return Err(BuildError::BadSetting {
+                setting: "bins",
+                value: self.bins.to_string(),
+                remedy: "use 2 to 64",
+            });
         }
-        if self.max_leaf_size == 0 {
-            return bad("max_leaf_size", "0".into(), "a leaf holds at least 1 primitive");
-        }
-        let costs = [self.sah.inner, self.sah.leaf, self.sah.triangle];
-        if !costs.iter().all(|c| c.is_finite() && *c >= 0.0) {
-            return bad("sah", format!("{:?}", self.sah), "costs are finite and not negative");
-        }
-        Ok(())
+        check_max_leaf_size(self.max_leaf_size)?;
+        check_sah(&self.sah)
     }
 }
 

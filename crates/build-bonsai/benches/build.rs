@@ -3,22 +3,14 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use niwaki_build_bonsai::Bonsai;
 use niwaki_build_sweep::Sweep;
-use niwaki_core::{Builder, TriangleMesh, glam::Vec3};
-
-fn sheet(side: u32) -> TriangleMesh {
-    let positions = (0..=side)
-        .flat_map(|y| (0..=side).map(move |x| (x as f32, y as f32)))
-        .map(|(x, y)| Vec3::new(x, y, (x * 0.1).sin() * (y * 0.07).cos() * 20.0))
-        .collect();
-    let indices = (0..side)
-        .flat_map(|y| (0..side).map(move |x| (y * (side + 1) + x, (y + 1) * (side + 1) + x)))
-        .flat_map(|(i, j)| [[i, i + 1, j], [j, i + 1, j + 1]])
-        .collect();
-    TriangleMesh::new(positions, indices).expect("finite and in range")
-}
+use niwaki_core::{Builder, glam::Vec3};
+use niwaki_hard_cases::sheet;
 
 fn benches(criterion: &mut Criterion) {
-    let mesh = sheet(320);
+    let mesh = sheet(320, |x, y| {
+        let (x, y) = (x as f32, y as f32);
+        Vec3::new(x, y, (x * 0.1).sin() * (y * 0.07).cos() * 20.0)
+    });
     let mut group = criterion.benchmark_group("sheet");
     group.throughput(Throughput::Elements(mesh.len() as u64));
     let builders: [&dyn Builder; 4] =

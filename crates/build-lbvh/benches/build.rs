@@ -1,11 +1,9 @@
 //! Build time by number of triangles, on the current pool: `cargo bench -p niwaki-build-lbvh`.
 
-#[path = "../../build-median/tests/support/mod.rs"]
-mod support;
-
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use niwaki_build_lbvh::{Algorithm, Lbvh};
 use niwaki_core::Builder;
+use niwaki_hard_cases::soup_mesh;
 use std::hint::black_box;
 
 fn build(criterion: &mut Criterion) {
@@ -20,7 +18,7 @@ fn build(criterion: &mut Criterion) {
     ];
     let mut group = criterion.benchmark_group("lbvh");
     for count in [10_000, 100_000] {
-        let prims = support::soup(count, 1).prim_refs();
+        let prims = soup_mesh(count, (count as f32).cbrt().recip(), 1).prim_refs();
         group.throughput(Throughput::Elements(count as u64));
         for (name, builder) in &builders {
             group.bench_with_input(BenchmarkId::new(*name, count), &prims, |bencher, prims| {

@@ -30,6 +30,7 @@ mod part;
 mod prefix;
 mod top_down;
 
+use niwaki_core::builder::{check_max_leaf_size, check_sah};
 use niwaki_core::layout::finish;
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
@@ -85,18 +86,15 @@ impl Default for Lbvh {
 
 impl Lbvh {
     fn check(&self) -> Result<(), BuildError> {
-        let bad = |setting, value, remedy| Err(BuildError::BadSetting { setting, value, remedy });
         if self.code_bits != 30 && self.code_bits != 63 {
-            return bad("code_bits", self.code_bits.to_string(), "use 30 or 63");
+            return Err(BuildError::BadSetting {
+                setting: "code_bits",
+                value: self.code_bits.to_string(),
+                remedy: "use 30 or 63",
+            });
         }
-        if self.max_leaf_size == 0 {
-            return bad("max_leaf_size", "0".into(), "a leaf holds at least 1 primitive");
-        }
-        let costs = [self.sah.inner, self.sah.leaf, self.sah.triangle];
-        if !costs.iter().all(|c| c.is_finite() && *c >= 0.0) {
-            return bad("sah", format!("{:?}", self.sah), "costs are finite and not negative");
-        }
-        Ok(())
+        check_max_leaf_size(self.max_leaf_size)?;
+        check_sah(&self.sah)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The subdivision that both builders share; they differ in where they cut.
 
 use crate::SPATIAL_LEVELS;
+use niwaki_core::builder::check_max_leaf_size;
 use niwaki_core::float::sortable_bits;
 use niwaki_core::layout::{Subtree, divide, finish, slots};
 use niwaki_core::{Aabb, BuildError, Bvh, BvhNode, PrimRef, scene_bounds};
@@ -32,13 +33,7 @@ pub(crate) fn build(
     max_leaf_size: usize,
     rule: Rule,
 ) -> Result<Bvh, BuildError> {
-    if max_leaf_size == 0 {
-        return Err(BuildError::BadSetting {
-            setting: "max_leaf_size",
-            value: "0".into(),
-            remedy: "a leaf holds at least 1 primitive",
-        });
-    }
+    check_max_leaf_size(max_leaf_size)?;
     scene_bounds(&prims)?;
     let mut nodes = slots(prims.len());
     if let Some(subtree) = Subtree::root(&mut nodes) {

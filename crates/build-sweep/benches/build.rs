@@ -2,28 +2,15 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use niwaki_build_sweep::{Kernel, SplitRule, Sweep, SweepWorkspace};
-use niwaki_core::{Aabb, Builder, PrimRef, SahConstants, glam::Vec3, layout};
-
-fn boxes(count: u32) -> Vec<PrimRef> {
-    let mut state = 1_u32;
-    let mut random = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / 16_777_216.0
-    };
-    (0..count)
-        .map(|id| {
-            let min = Vec3::new(random(), random(), random());
-            PrimRef::new(Aabb::new(min, min + Vec3::splat(0.02 * random())), id)
-        })
-        .collect()
-}
+use niwaki_core::{Builder, SahConstants, layout};
+use niwaki_hard_cases::soup_mesh;
 
 fn benches(criterion: &mut Criterion) {
     let rule = SplitRule::by_cost(SahConstants::default(), 8).expect("good settings");
     for (name, count) in [("small", 512), ("large", 100_000)] {
-        let prims = boxes(count);
+        let prims = soup_mesh(count, 0.02, 1).prim_refs();
         let mut group = criterion.benchmark_group(name);
-        group.throughput(Throughput::Elements(u64::from(count)));
+        group.throughput(Throughput::Elements(count as u64));
         for kernel in Kernel::available() {
             let mut workspace = SweepWorkspace::new(kernel);
             let mut nodes = layout::slots(prims.len());

@@ -1,5 +1,6 @@
 //! What a split costs and when a node becomes a leaf.
 
+use niwaki_core::builder::check_max_leaf_size;
 use niwaki_core::{AreaScale, BuildError, SahConstants};
 
 /// Decides between leaf and split. Built by [`SplitRule::by_cost`] or [`SplitRule::to_the_end`].
@@ -46,13 +47,7 @@ impl SplitRule {
                 });
             }
         }
-        if max_leaf_size == 0 {
-            return Err(BuildError::BadSetting {
-                setting: "max_leaf_size",
-                value: max_leaf_size.to_string(),
-                remedy: "a leaf holds at least one primitive",
-            });
-        }
+        check_max_leaf_size(max_leaf_size as usize)?;
         Ok(Self {
             inner: constants.inner,
             leaf: constants.leaf,

@@ -1,6 +1,6 @@
 //! What all builders share: the trait, its errors and the check of the input.
 
-use crate::{Aabb, AreaScale, Bvh, PrimRef, TriangleMesh};
+use crate::{Aabb, AreaScale, Bvh, PrimRef, SahConstants, TriangleMesh};
 use rayon::prelude::*;
 
 /// Why a tree was not built.
@@ -125,6 +125,36 @@ pub fn scene_bounds(prims: &[PrimRef]) -> Result<SceneBounds, BuildError> {
     Ok(SceneBounds { bounds, centroid2_bounds, area_scale: AreaScale::of(&bounds) })
 }
 
+/// Checks the setting `max_leaf_size` of a builder.
+///
+/// # Errors
+/// [`BuildError::BadSetting`] if leaves may hold nothing.
+pub fn check_max_leaf_size(max_leaf_size: usize) -> Result<(), BuildError> {
+    if max_leaf_size == 0 {
+        return Err(BuildError::BadSetting {
+            setting: "max_leaf_size",
+            value: "0".into(),
+            remedy: "a leaf holds at least 1 primitive",
+        });
+    }
+    Ok(())
+}
+
+/// Checks the setting `sah` of a builder.
+///
+/// # Errors
+/// [`BuildError::BadSetting`] if a cost is negative or not finite.
+pub fn check_sah(sah: &SahConstants) -> Result<(), BuildError> {
+    if ![sah.inner, sah.leaf, sah.triangle].iter().all(|c| c.is_finite() && *c >= 0.0) {
+        return Err(BuildError::BadSetting {
+            setting: "sah",
+            value: format!("{sah:?}"),
+            remedy: "costs are finite and not negative",
+        });
+    }
+    Ok(())
+}
+
 #[inline]
 fn is_good(p: &PrimRef) -> bool {
     p.min.cmple(p.max).all() && p.min.is_finite() && p.max.is_finite()
@@ -148,6 +178,22 @@ mod tests {
                 matches!(error, BuildError::NonFiniteBounds { index: 9000, prim_id: 3, .. }),
                 "{error}"
             );
+        }
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert_eq!(check_max_leaf_size(1), Ok(()));
+        assert!(check_max_leaf_size(0).is_err());
+        assert_eq!(check_sah(&SahConstants { inner: 0.0, leaf: -0.0, triangle: f32::MAX }), Ok(()));
+        for bad in [-1e-30, f32::NAN, f32::INFINITY] {
+            for i in 0..3 {
+                let mut costs = [1.0; 3];
+                costs[i] = bad;
+                let [inner, leaf, triangle] = costs;
+                let error = check_sah(&SahConstants { inner, leaf, triangle }).unwrap_err();
+                assert!(matches!(error, BuildError::BadSetting { setting: "sah", .. }), "{error}");
+            }
         }
     }
 

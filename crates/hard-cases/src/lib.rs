@@ -10,14 +10,19 @@
 //! }
 //! ```
 //!
+//! Beside the catalogue stand ordinary geometry ([`soup`], [`sheet`]) and a tree over it
+//! ([`median_tree`]), so that benchmarks, examples and tests need not each make their own.
+//!
 //! Sources: the issue trackers of tinybvh (#138, #156, #164, #168, #282, #283), Embree (#174,
 //! #181, #387), svenstaro/bvh (#44) and parry (#444), Embree's and pbrt-v4's regression tests, and
 //! the arithmetic of Ize 2013 and of Woop, Benthin and Wald 2013.
 
 mod meshes;
+mod plain;
 mod rays;
 
-pub use meshes::{Case, bad_prim_refs, closed_star, deep_chain, meshes};
+pub use meshes::{Case, bad_prim_refs, closed_star, deep_chain, meshes, soup};
+pub use plain::{median_tree, sheet, soup_mesh};
 pub use rays::{aimed_at_borders, bad_rays, rays};
 
 #[cfg(doctest)]

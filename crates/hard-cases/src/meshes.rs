@@ -27,8 +27,10 @@ fn point(rng: &mut Rng, size: f32) -> Vec3 {
     Vec3::new(rng.f32() - 0.5, rng.f32() - 0.5, rng.f32() - 0.5) * (2.0 * size)
 }
 
-/// `count` triangles of the given size around random points of a cube from −1 to 1.
-fn soup(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
+/// `count` triangles around random points of a cube from −1 to 1, their corners up to `size` from
+/// the point along each axis.
+#[must_use]
+pub fn soup(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
     let mut rng = Rng::with_seed(seed);
     (0..count)
         .map(|_| {

@@ -2,50 +2,17 @@
 //!
 //! `cargo run --release -p niwaki-metrics --example judge -- 1000000`
 
-use niwaki_core::{Aabb, Bvh, BvhNode, Ray, SahConstants, TriangleMesh, glam::Vec3, to_u32};
+use niwaki_core::{Ray, SahConstants, TriangleMesh, glam::Vec3};
+use niwaki_hard_cases::{median_tree, sheet};
 use niwaki_metrics::{TreeStats, epo, epo_sampled, leaf_counts, sah, validate};
 use std::time::Instant;
 
 /// A sheet of `cells`² squares over the unit square, with waves.
-fn sheet(cells: u32) -> TriangleMesh {
-    let vertex = |i: u32, j: u32| {
+fn waves(cells: u32) -> TriangleMesh {
+    sheet(cells, |i, j| {
         let (x, y) = (i as f32 / cells as f32, j as f32 / cells as f32);
         Vec3::new(x, y, 0.1 * (20.0 * x).sin() * (17.0 * y).cos())
-    };
-    let row = cells + 1;
-    let positions = (0..row * row).map(|k| vertex(k % row, k / row)).collect();
-    let cell = |k: u32| {
-        let a = k / cells * row + k % cells;
-        [[a, a + 1, a + row], [a + row, a + 1, a + row + 1]]
-    };
-    TriangleMesh::new(positions, (0..cells * cells).flat_map(cell).collect())
-        .expect("a finite sheet")
-}
-
-/// Halves the references at the median of the longest axis, down to leaves of two.
-fn median(mesh: &TriangleMesh) -> Bvh {
-    let mut prims = mesh.prim_refs();
-    let mut nodes = vec![BvhNode::leaf(Aabb::EMPTY, 0, 1)];
-    let mut stack = vec![(0, 0, prims.len())];
-    while let Some((slot, first, end)) = stack.pop() {
-        let part = &mut prims[first..end];
-        let bounds = part.iter().fold(Aabb::EMPTY, |b, p| b.union(p.aabb()));
-        if part.len() <= 2 {
-            nodes[slot] = BvhNode::leaf(bounds, to_u32(first), to_u32(end - first));
-            continue;
-        }
-        let axis = bounds.longest_axis();
-        let half = part.len() / 2;
-        part.select_nth_unstable_by(half, |a, b| {
-            a.centroid2()[axis].total_cmp(&b.centroid2()[axis])
-        });
-        let children = nodes.len();
-        nodes[slot] = BvhNode::inner(bounds, to_u32(children));
-        nodes.extend([BvhNode::leaf(Aabb::EMPTY, 0, 1); 2]);
-        stack.push((children, first, first + half));
-        stack.push((children + 1, first + half, end));
-    }
-    Bvh { nodes, prim_ids: prims.iter().map(|p| p.prim_id).collect() }
+    })
 }
 
 fn timed<T: std::fmt::Debug>(what: &str, f: impl FnOnce() -> T) {
@@ -56,8 +23,8 @@ fn timed<T: std::fmt::Debug>(what: &str, f: impl FnOnce() -> T) {
 
 fn main() {
     let triangles: u32 = std::env::args().nth(1).and_then(|s| s.parse().ok()).unwrap_or(20_000);
-    let mesh = sheet((triangles / 2).isqrt().clamp(1, 4000));
-    let bvh = median(&mesh);
+    let mesh = waves((triangles / 2).isqrt().clamp(1, 4000));
+    let bvh = median_tree(&mesh, 2);
     let constants = SahConstants::THESIS_IV;
     let stats = TreeStats::of(&bvh);
     println!("{} triangles, {} nodes, depth {}", mesh.len(), stats.nodes, stats.depth_max);

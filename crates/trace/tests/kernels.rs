@@ -1,12 +1,9 @@
 //! Every kernel against brute force and against each other.
 
-mod common;
-
-use common::median_tree;
 use fastrand::Rng;
 use niwaki_core::{Hit, Intersector, Ray, Triangle, TriangleMesh, glam::Vec3};
 use niwaki_exact::{Verdict, settle};
-use niwaki_hard_cases as hard;
+use niwaki_hard_cases::{self as hard, median_tree, soup_mesh};
 use niwaki_trace::{BinaryScene, Kernel, WideScene, brute_force};
 
 /// All kernels over a mesh, by name.
@@ -26,18 +23,6 @@ fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.prim_id]
 }
 
-fn soup(count: usize, size: f32, seed: u64) -> TriangleMesh {
-    let mut rng = Rng::with_seed(seed);
-    let mut point = |s: f32| Vec3::new(rng.f32() - 0.5, rng.f32() - 0.5, rng.f32() - 0.5) * s;
-    let triangles: Vec<_> = (0..count)
-        .map(|_| {
-            let p = point(2.0);
-            Triangle::new(p + point(size), p + point(size), p + point(size))
-        })
-        .collect();
-    TriangleMesh::from_triangles(&triangles).unwrap()
-}
-
 fn random_rays(count: usize, seed: u64) -> Vec<Ray> {
     let mut rng = Rng::with_seed(seed);
     let mut point = || Vec3::new(rng.f32() - 0.5, rng.f32() - 0.5, rng.f32() - 0.5) * 3.0;
@@ -49,7 +34,7 @@ fn all_kernels_give_the_same_bits_as_brute_force() {
     for (count, size, leaf) in
         [(1, 1.0, 1), (3, 1.0, 1), (60, 0.5, 2), (1500, 0.1, 1), (1500, 0.3, 5)]
     {
-        let mesh = soup(count, size, count as u64);
+        let mesh = soup_mesh(count, size / 2.0, count as u64);
         let kernels = kernels(&mesh, leaf);
         let mut hits = 0;
         for ray in random_rays(700, 5) {
@@ -77,7 +62,7 @@ fn all_kernels_give_the_same_bits_as_brute_force() {
 #[test]
 fn among_equal_distances_the_smallest_id_wins() {
     // Many copies of a few triangles, in a shuffled order.
-    let base = soup(40, 1.5, 9);
+    let base = soup_mesh(40, 0.75, 9);
     let mut copies: Vec<Triangle> = (0..400).map(|i| base.triangle(i % base.len())).collect();
     Rng::with_seed(4).shuffle(&mut copies);
     let mesh = TriangleMesh::from_triangles(&copies).unwrap();
@@ -138,7 +123,7 @@ fn rays_that_hit_nothing_by_definition_miss() {
 
 #[test]
 fn the_length_of_the_direction_scales_t_alone() {
-    let mesh = soup(300, 0.4, 3);
+    let mesh = soup_mesh(300, 0.2, 3);
     for (name, kernel) in kernels(&mesh, 1) {
         for ray in random_rays(200, 8) {
             let hit = kernel.closest_hit(&ray);

@@ -1,11 +1,9 @@
 //! Making scenes: depth, faults, counts, threads.
 
-mod common;
-
-use common::median_tree;
 use niwaki_core::{
     Aabb, Bvh, BvhNode, Hit, Intersector, Ray, Triangle, TriangleMesh, glam::Vec3, to_u32,
 };
+use niwaki_hard_cases::median_tree;
 use niwaki_trace::{BinaryScene, Counts, Kernel, SceneError, WideScene};
 use niwaki_wide::CollapseError;
 
