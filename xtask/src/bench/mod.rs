@@ -13,7 +13,7 @@ pub(crate) use matrix::Shard;
 use crate::cli::BenchArgs;
 use crate::registry::{self, TreeBuilder};
 use crate::results::{Failure, Results, Row, Run, SceneInfo, Source};
-use crate::scenes::{SceneSpec, make_names_unique};
+use crate::scenes::{SceneSpec, drop_repeated, make_names_unique};
 use crate::{machine, report};
 use anyhow::{Context, Error, Result, bail};
 use builds::Judgement;
