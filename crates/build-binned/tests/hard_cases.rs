@@ -69,19 +69,23 @@ fn two_clusters_are_told_apart() {
     assert!(a.extent().max_element() <= 2.0 && b.extent().max_element() <= 2.0);
 }
 
-proptest! {
-    /// Ending early where splitting costs more: never dearer than leaves of one.
-    #[test]
-    fn leaves_are_made_where_they_pay(count in 1_usize..500, seed: u64) {
-        let mesh = soup(count, seed);
-        for constants in [SahConstants::THESIS_IV, SahConstants::THESIS_V] {
-            let merged = Binned { sah: constants, ..Binned::default() };
-            let single = Binned { max_leaf_size: 1, ..merged };
-            let bvh = merged.build_mesh(&mesh).unwrap();
-            validate(&bvh, &mesh).unwrap();
-            let merged = sah(&bvh, &constants);
-            let single = sah(&single.build_mesh(&mesh).unwrap(), &constants);
-            prop_assert!(merged <= single * (1.0 + 1e-5), "{merged} {single}");
+/// Ending early where the best split costs more. The decision looks one split ahead, as in Wald
+/// 2007, so a single tree may lose a few percent to splits further down that would have paid; over
+/// many trees it gains.
+#[test]
+fn leaves_are_made_where_they_pay() {
+    for constants in [SahConstants::THESIS_IV, SahConstants::THESIS_V] {
+        let merged = Binned { sah: constants, ..Binned::default() };
+        let single = Binned { max_leaf_size: 1, ..merged };
+        let mut costs = [0.0; 2];
+        for seed in 0..200_u64 {
+            let mesh = soup(1 + (seed as usize * 7) % 500, seed);
+            for (cost, builder) in costs.iter_mut().zip([&merged, &single]) {
+                let bvh = builder.build_mesh(&mesh).unwrap();
+                validate(&bvh, &mesh).unwrap();
+                *cost += sah(&bvh, &constants);
+            }
         }
+        assert!(costs[0] < costs[1], "{costs:?}");
     }
 }

@@ -32,6 +32,26 @@ impl Verdict {
         [Self::Agree, Self::Tie, Self::Rounding, Self::PeerWrong, Self::OursWrong];
 }
 
+/// One of the two whose answers are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Side {
+    /// Ours.
+    Ours,
+    /// The peer.
+    Theirs,
+}
+
+impl Side {
+    /// The side that alone is contradicted; `None` for both or neither.
+    const fn alone([ours, theirs]: [bool; 2]) -> Option<Self> {
+        match (ours, theirs) {
+            (true, false) => Some(Self::Ours),
+            (false, true) => Some(Self::Theirs),
+            _ => None,
+        }
+    }
+}
+
 /// The name in reports: `agree`, `tie`, `rounding`, `peer wrong`, `ours wrong`.
 impl std::fmt::Display for Verdict {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -131,6 +151,30 @@ pub struct Settlement {
     pub theirs: Claim,
     /// A hit that rounding cannot excuse missing, nearer than our answer, found by the scan.
     pub missed: Option<Claim>,
+    /// Of [`Verdict::Rounding`]: the side whose answer exact arithmetic contradicts. It reports a
+    /// triangle that the ray misses exactly ([`Contact::Miss`]), or none where the ray hits one
+    /// (closed triangle, closed range: a hit at an end of the range counts), or one that lies
+    /// behind another by more than the error bounds of both. `None` if that holds for both sides,
+    /// and for all other verdicts. Without [`SettleOptions::scan`], only the reported triangles
+    /// are considered.
+    pub rounding_side: Option<Side>,
+}
+
+/// A verdict on two any-hit kernels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct AnySettlement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Of [`Verdict::Rounding`]: the side whose answer exact arithmetic contradicts, which is the
+    /// one without a hit if any triangle is hit exactly (closed triangle, closed range), and the
+    /// one with a hit otherwise. `None` for all other verdicts.
+    pub rounding_side: Option<Side>,
+}
+
+impl AnySettlement {
+    const fn clear(verdict: Verdict) -> Self {
+        Self { verdict, rounding_side: None }
+    }
 }
 
 /// [`settle_with`] the default options, verdict only.
@@ -151,8 +195,12 @@ pub fn settle(ray: &Ray, mesh: &TriangleMesh, ours: &Hit, theirs: &Hit) -> Verdi
 /// | both miss, or the same primitive at true distances | agree |
 /// | a claim is false | that side is wrong; ours if both |
 /// | one misses what the other hits | certain: the one is wrong; otherwise rounding |
-/// | different primitives, distances apart by no more than both bounds | tie |
-/// | different primitives otherwise | nearer one certain: the farther side is wrong; otherwise rounding |
+/// | different primitives, one certain and, with its bound, before the *reported* distance of the other | the other side is wrong |
+/// | different primitives otherwise, distances apart by no more than both bounds | tie |
+/// | different primitives otherwise | rounding |
+///
+/// The reported distance is what a kernel compares others with, so the error bound of the farther
+/// triangle, which may be large at a grazing angle, does not excuse the loss of a nearer one.
 ///
 /// Where this would find the peer wrong or excuse rounding, the whole mesh is searched
 /// ([`SettleOptions::scan`]), and ours is wrong after all if a certain hit lies nearer than what
@@ -167,28 +215,55 @@ pub fn settle_with(
     options: &SettleOptions,
 ) -> Settlement {
     let claims = [ours, theirs].map(|hit| examine(ray, mesh, hit, options));
-    let verdict = weigh(claims, ours.prim_id == theirs.prim_id);
-    let mut settlement = Settlement { verdict, ours: claims[0], theirs: claims[1], missed: None };
+    let verdict = weigh(claims, [ours, theirs]);
+    let mut settlement = Settlement {
+        verdict,
+        ours: claims[0],
+        theirs: claims[1],
+        missed: None,
+        rounding_side: None,
+    };
+    let mut candidates = claims.to_vec();
     if options.scan && matches!(verdict, Verdict::PeerWrong | Verdict::Rounding) {
-        settlement.missed = missed_hit(ray, mesh, &settlement.ours, options);
+        candidates.extend(
+            near_line(ray, mesh, 0.0)
+                .into_iter()
+                .map(|i| examine_triangle(ray, i, &mesh.triangle(i as usize), None, options)),
+        );
+        settlement.missed = candidates.iter().copied().find(|c| surely_before(c, ours));
         if settlement.missed.is_some() {
             settlement.verdict = Verdict::OursWrong;
         }
     }
+    if settlement.verdict == Verdict::Rounding {
+        settlement.rounding_side =
+            Side::alone(claims.map(|claim| contradicted(&claim, &candidates)));
+    }
     settlement
 }
 
-/// Settles what two any-hit kernels report for a ray: [`settle_any_among`] all triangles of the
-/// mesh, with the default options.
+/// [`settle_any_with`] the default options, verdict only.
 #[must_use]
 pub fn settle_any(ray: &Ray, mesh: &TriangleMesh, ours: bool, theirs: bool) -> Verdict {
+    settle_any_with(ray, mesh, ours, theirs, &SettleOptions::default()).verdict
+}
+
+/// Settles what two any-hit kernels report for a ray: [`settle_any_among`] all triangles of the
+/// mesh. The mesh is scanned whenever the answers differ, whatever [`SettleOptions::scan`] says.
+#[must_use]
+pub fn settle_any_with(
+    ray: &Ray,
+    mesh: &TriangleMesh,
+    ours: bool,
+    theirs: bool,
+    options: &SettleOptions,
+) -> AnySettlement {
     if ours == theirs {
-        return Verdict::Agree;
+        return AnySettlement::clear(Verdict::Agree);
     }
-    let options = SettleOptions::default();
     let candidates = near_line(ray, mesh, options.border_ulps);
     let candidates = candidates.into_iter().map(|i| (i, mesh.triangle(i as usize)));
-    settle_any_among(ray, candidates, ours, theirs, &options)
+    any_among(ray, candidates, ours, theirs, options)
 }
 
 /// Settles what two any-hit kernels report for a ray, among candidates that must include every
@@ -203,28 +278,41 @@ pub fn settle_any_among(
     theirs: bool,
     options: &SettleOptions,
 ) -> Verdict {
+    any_among(ray, candidates, ours, theirs, options).verdict
+}
+
+fn any_among(
+    ray: &Ray,
+    candidates: impl IntoIterator<Item = (u32, Triangle)>,
+    ours: bool,
+    theirs: bool,
+    options: &SettleOptions,
+) -> AnySettlement {
     if ours == theirs {
-        return Verdict::Agree;
+        return AnySettlement::clear(Verdict::Agree);
     }
-    let mut possible = false;
+    let (mut possible, mut exact) = (false, false);
     for (id, triangle) in candidates {
-        if let Claim::Hit { certain, .. } = examine_triangle(ray, id, &triangle, None, options) {
+        if let Claim::Hit { certain, contact, .. } =
+            examine_triangle(ray, id, &triangle, None, options)
+        {
             possible = true;
+            exact |= contact.is_hit();
             if certain {
-                return if ours { Verdict::PeerWrong } else { Verdict::OursWrong };
+                let verdict = if ours { Verdict::PeerWrong } else { Verdict::OursWrong };
+                return AnySettlement::clear(verdict);
             }
         }
     }
     if possible {
-        Verdict::Rounding
-    } else if ours {
-        Verdict::OursWrong
+        let rounding_side = Side::alone([ours != exact, theirs != exact]);
+        AnySettlement { verdict: Verdict::Rounding, rounding_side }
     } else {
-        Verdict::PeerWrong
+        AnySettlement::clear(if ours { Verdict::OursWrong } else { Verdict::PeerWrong })
     }
 }
 
-fn weigh([ours, theirs]: [Claim; 2], same_primitive: bool) -> Verdict {
+fn weigh([ours, theirs]: [Claim; 2], [our_hit, their_hit]: [&Hit; 2]) -> Verdict {
     if ours.is_false() {
         return Verdict::OursWrong;
     }
@@ -247,18 +335,20 @@ fn weigh([ours, theirs]: [Claim; 2], same_primitive: bool) -> Verdict {
             }
         }
         (
-            Claim::Hit { t: our_t, t_error: our_error, certain: our_certain, .. },
-            Claim::Hit { t: their_t, t_error: their_error, certain: their_certain, .. },
+            Claim::Hit { t: our_t, t_error: our_error, .. },
+            Claim::Hit { t: their_t, t_error: their_error, .. },
         ) => {
-            if same_primitive {
+            if our_hit.prim_id == their_hit.prim_id {
                 Verdict::Agree
+            } else if surely_before(&theirs, our_hit) {
+                // At most one of these holds, as each reported distance is within its bound.
+                Verdict::OursWrong
+            } else if surely_before(&ours, their_hit) {
+                Verdict::PeerWrong
             } else if (our_t - their_t).abs() <= our_error + their_error {
                 Verdict::Tie
-            } else if our_t < their_t {
-                if our_certain { Verdict::PeerWrong } else { Verdict::Rounding }
-            } else if their_certain {
-                Verdict::OursWrong
             } else {
+                // Apart, and the nearer one is not certain, or this would be settled by now.
                 Verdict::Rounding
             }
         }
@@ -338,21 +428,22 @@ fn span_in_plane(ray: &Ray, triangle: &Triangle, reported: Option<f32>) -> Optio
     (in_range && reported).then_some(((low + high) * 0.5, (high - low) * 0.5))
 }
 
-/// A certain hit before our answer, by more than the errors of both.
-fn missed_hit(
-    ray: &Ray,
-    mesh: &TriangleMesh,
-    ours: &Claim,
-    options: &SettleOptions,
-) -> Option<Claim> {
-    let limit = match ours {
-        Claim::Hit { t, t_error, .. } => t - t_error,
-        _ => f64::INFINITY,
+/// True if a kernel that reports `answer` lost the claimed hit: it is certain, and whatever its
+/// rounding, its distance would have been less than the one that the kernel kept.
+fn surely_before(claim: &Claim, answer: &Hit) -> bool {
+    let limit = if answer.is_hit() { f64::from(answer.t) } else { f64::INFINITY };
+    matches!(*claim, Claim::Hit { certain: true, t, t_error, .. } if t + t_error < limit)
+}
+
+/// True if exact arithmetic contradicts a claim: see [`Settlement::rounding_side`].
+fn contradicted(claim: &Claim, candidates: &[Claim]) -> bool {
+    let limit = match *claim {
+        Claim::Miss => f64::INFINITY,
+        Claim::Hit { contact, t, t_error, .. } if contact.is_hit() => t - t_error,
+        _ => return true,
     };
-    near_line(ray, mesh, 0.0)
-        .into_iter()
-        .map(|i| examine_triangle(ray, i, &mesh.triangle(i as usize), None, options))
-        .find(|claim| {
-            matches!(*claim, Claim::Hit { certain: true, t, t_error, .. } if t + t_error < limit)
-        })
+    candidates.iter().any(|other| {
+        matches!(*other, Claim::Hit { contact, t, t_error, .. }
+            if contact.is_hit() && (limit == f64::INFINITY || t + t_error < limit))
+    })
 }

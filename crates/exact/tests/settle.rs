@@ -2,7 +2,8 @@
 
 use niwaki_core::{Hit, Ray, Triangle, TriangleMesh, glam::Vec3};
 use niwaki_exact::{
-    Claim, SettleOptions, Verdict, settle, settle_any, settle_any_among, settle_with,
+    Claim, SettleOptions, Side, Verdict, settle, settle_any, settle_any_among, settle_any_with,
+    settle_with, t_error_bound,
 };
 
 /// Two unit squares of two triangles each, at z = 0 (0, 1) and z = −1 (2, 3), a copy of triangle
@@ -114,4 +115,107 @@ fn verdicts_on_any_hit() {
         let among = settle_any_among(&ray, all, ours, theirs, &SettleOptions::default());
         assert_eq!(among, verdict);
     }
+}
+
+/// A certain triangle (0) at the exact distance `at` of the ray, and a sliver (1) at 10 that the
+/// ray meets at so grazing an angle that its `t` is uncertain by 4 to 7.
+fn grazing(at: f32) -> (TriangleMesh, Ray) {
+    let ray = Ray::new(Vec3::ZERO, Vec3::X);
+    let wall = Triangle::new(
+        Vec3::new(at, -1.0, -1.0),
+        Vec3::new(at, 2.0, -1.0),
+        Vec3::new(at, -1.0, 2.0),
+    );
+    // In the plane y = 2⁻¹⁸ · (x − 10); all corners are exact.
+    let point = |x: f32, z: f32| Vec3::new(x, (x - 10.0) / 262_144.0, z);
+    let sliver = Triangle::new(point(2.0, -1.0), point(18.0, -1.0), point(10.0, 4.0));
+    (TriangleMesh::from_triangles(&[wall, sliver]).unwrap(), ray)
+}
+
+#[test]
+fn a_large_error_bound_of_one_triangle_does_not_excuse_the_loss_of_another() {
+    use Verdict::{OursWrong, PeerWrong, Tie};
+    let (mesh, ray) = grazing(6.0);
+    let bound = t_error_bound(&ray, &mesh.triangle(1));
+    assert!((4.0..7.0).contains(&bound), "{bound}");
+    for (name, at, sliver_t, verdict) in [
+        ("the wall is before what was reported", 6.0, 10.2, OursWrong),
+        ("so it is where the sliver came out too near", 6.0, 6.5, OursWrong),
+        ("the sliver came out before the wall", 8.0, 7.5, Tie),
+        ("the sliver came out at the wall", 8.0, 8.0, Tie),
+        ("the wall is behind both", 12.0, 10.2, Tie),
+        ("the wall is behind the sliver, which came out behind it", 12.0, 12.5, OursWrong),
+    ] {
+        let (mesh, ray) = grazing(at);
+        let (sliver, wall) = (hit(1, sliver_t), hit(0, at));
+        assert_eq!(settle(&ray, &mesh, &sliver, &wall), verdict, "{name}");
+        let other = if verdict == OursWrong { PeerWrong } else { verdict };
+        assert_eq!(settle(&ray, &mesh, &wall, &sliver), other, "{name}, the sides exchanged");
+        // Where the peer's claim is false, the scan must find the same.
+        let scanned = if verdict == OursWrong { OursWrong } else { PeerWrong };
+        assert_eq!(settle(&ray, &mesh, &sliver, &hit(77, 1.0)), scanned, "{name}, by the scan");
+    }
+}
+
+#[test]
+fn rounding_has_a_side() {
+    use Side::{Ours, Theirs};
+    let mesh = scene();
+    let step = f32::EPSILON;
+    let (edge, outside) = (down(0.0, 0.25), down(-2.0 * step, 0.25));
+    let inside = down(2.0 * step, 0.25);
+    let at_end = down(0.25, 0.25).with_range(0.0, 1.0);
+    let at_start = down(0.25, 0.25).with_range(1.0, 1.5);
+    let before_end = down(0.25, 0.25).with_range(0.0, 1.0_f32.next_down());
+    let only = SettleOptions { scan: false, ..SettleOptions::default() };
+    for (name, ray, ours, theirs, side) in [
+        ("we lose an interior hit", inside, Hit::MISS, hit(0, 1.0), Ours),
+        ("they lose an interior hit", inside, hit(0, 1.0), Hit::MISS, Theirs),
+        ("we lose a border hit", edge, Hit::MISS, hit(0, 1.0), Ours),
+        ("we gain a hit", outside, hit(0, 1.0), Hit::MISS, Ours),
+        ("they gain a hit", outside, Hit::MISS, hit(0, 1.0), Theirs),
+        ("we exclude t_max", at_end, Hit::MISS, hit(0, 1.0), Ours),
+        ("they exclude t_min", at_start, hit(0, 1.0), Hit::MISS, Theirs),
+        ("they go past t_max", before_end, Hit::MISS, hit(0, 1.0), Theirs),
+        ("we go through at a border", edge, hit(2, 2.0), hit(0, 1.0), Ours),
+        ("they go through at a border", edge, hit(0, 1.0), hit(2, 2.0), Theirs),
+    ] {
+        for options in [SettleOptions::default(), only] {
+            let settled = settle_with(&ray, &mesh, &ours, &theirs, &options);
+            assert_eq!(settled.verdict, Verdict::Rounding, "{name}");
+            assert_eq!(settled.rounding_side, Some(side), "{name}");
+        }
+    }
+    // One leaks through the shared edge, the other reports the side of it that the ray misses.
+    let beside = down(0.5, 0.5 - 2.0 * step).with_range(0.0, 1.5);
+    let settled = settle_with(&beside, &mesh, &hit(1, 1.0), &Hit::MISS, &SettleOptions::default());
+    assert_eq!((settled.verdict, settled.rounding_side), (Verdict::Rounding, None));
+    // Nothing else has a side.
+    let clear = settle_with(&down(0.25, 0.25), &mesh, &hit(0, 1.0), &Hit::MISS, &only);
+    assert_eq!((clear.verdict, clear.rounding_side), (Verdict::PeerWrong, None));
+}
+
+#[test]
+fn rounding_of_any_hit_has_a_side() {
+    use Side::{Ours, Theirs};
+    let mesh = scene();
+    let step = f32::EPSILON;
+    let middle = down(0.25, 0.25);
+    for (ray, with_hit_is_wrong) in [
+        (down(-2.0 * step, 0.25), true),
+        (down(2.0 * step, 0.25), false),
+        (down(0.0, 0.25), false),
+        (middle.with_range(0.0, 1.0), false),
+        (middle.with_range(2.0, 3.0), false),
+        (middle.with_range(0.0, 1.0_f32.next_down()), true),
+    ] {
+        for ours in [true, false] {
+            let settled = settle_any_with(&ray, &mesh, ours, !ours, &SettleOptions::default());
+            let side = if ours == with_hit_is_wrong { Ours } else { Theirs };
+            assert_eq!(settled.verdict, Verdict::Rounding, "{ray:?} {ours}");
+            assert_eq!(settled.rounding_side, Some(side), "{ray:?} {ours}");
+        }
+    }
+    let clear = settle_any_with(&middle, &mesh, true, false, &SettleOptions::default());
+    assert_eq!((clear.verdict, clear.rounding_side), (Verdict::PeerWrong, None));
 }

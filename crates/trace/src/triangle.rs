@@ -13,7 +13,10 @@ pub(crate) struct EdgeTriangle {
 impl EdgeTriangle {
     #[inline]
     pub(crate) fn new(t: &Triangle) -> Self {
-        Self { v0: t.v0, e1: t.v1 - t.v0, e2: t.v2 - t.v0 }
+        // Equal edges span nothing, but the fused cross product of a vector with itself is its own
+        // rounding, not zero. An edge of zero makes the determinant zero for every ray.
+        let e2 = if t.v1 == t.v2 { Vec3::ZERO } else { t.v2 - t.v0 };
+        Self { v0: t.v0, e1: t.v1 - t.v0, e2 }
     }
 }
 
