@@ -53,11 +53,16 @@ pub enum Pruning {
     /// Mini trees stay as they were built.
     Off,
     /// T is this fraction of the *mean* surface area of the mini tree roots; the paper uses 0.1 and
-    /// 0.01. Finite and not negative; 0 cuts every mini tree down to its leaves.
+    /// 0.01. Finite and not negative; 0 cuts every mini tree down to its leaves, or to
+    /// nodes whose boxes have no area where those come first.
     Mean(f32),
-    /// T is the mean plus this many *standard deviations* of the surface areas of the mini tree
-    /// roots, at least 0: the paper's proposal for future work, which leaves evenly tessellated
-    /// scenes alone, whose root areas vary little. Finite; may be negative.
+    /// T is the *mean* plus this many *standard deviations* of the surface areas of the mini tree
+    /// roots, at least 0. Finite; may be negative.
+    ///
+    /// Not the paper's formula: for future work it proposes a fraction of the standard deviation
+    /// alone, so that pruning spares evenly tessellated scenes. Root areas vary little there, so
+    /// that T would be far below all of them and cut every mini tree up. Counted from the mean,
+    /// T cuts only those that stand out.
     Deviation(f32),
 }
 

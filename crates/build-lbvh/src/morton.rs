@@ -87,7 +87,8 @@ pub(crate) fn sort(prims: &[PrimRef], scene: &SceneBounds, code_bits: u32) -> So
         .map(|(i, code)| code >> lower_bits << 32 | i as u64)
         .collect();
     let mut spare = vec![0; items.len()];
-    sort_by_key(&mut items, &mut spare, upper_bits, |item| item >> 32);
+    // SAFETY: the key is computed from the item alone.
+    unsafe { sort_by_key(&mut items, &mut spare, upper_bits, |item| item >> 32) };
     let code = |item: u64| codes[index(item)];
     if lower_bits > 0 {
         let mut start = 0;
@@ -95,7 +96,8 @@ pub(crate) fn sort(prims: &[PrimRef], scene: &SceneBounds, code_bits: u32) -> So
             let len = items[start..].iter().take_while(|&item| item >> 32 == first >> 32).count();
             let run = &mut items[start..start + len];
             if len >= LONG_RUN {
-                sort_by_key(run, &mut spare[..len], lower_bits, |&item| code(item));
+                // SAFETY: the key is looked up in a list that nothing changes meanwhile.
+                unsafe { sort_by_key(run, &mut spare[..len], lower_bits, |&item| code(item)) };
             } else if len > 1 {
                 run.sort_unstable_by_key(|&item| (code(item), item));
             }

@@ -116,7 +116,8 @@ fn sorted(prims: &[PrimRef]) -> [Vec<u32>; 3] {
                 *key = u64::from(sortable_bits(centroid2)) << 32 | i as u64;
             },
         );
-        radix::sort_by_key(&mut keys, &mut spare, 32, |key| key >> 32);
+        // SAFETY: the key is computed from the item alone.
+        unsafe { radix::sort_by_key(&mut keys, &mut spare, 32, |key| key >> 32) };
         #[expect(clippy::cast_possible_truncation, reason = "the low half is the index")]
         keys.par_iter().with_min_len(CHUNK).map(|&key| key as u32).collect()
     })

@@ -205,23 +205,27 @@ impl SweepWorkspace {
         if self.kernel == Kernel::Avx2 {
             assert!(self.order.iter().all(|order| end + 2 * PAD <= order.len()));
             assert!(self.areas.iter().all(|areas| count + 2 * PAD <= areas.len()));
-            let order = [0, 1, 2].map(|axis| self.order[axis][PAD + start..].as_ptr());
             // SAFETY: a workspace has this kernel only where AVX2 is present; the lengths that
-            // kernels ask for were just checked; orders and their padding hold indices of
+            // kernels ask for were just checked, and pointers are made from whole lists because
+            // kernels read the padding before them too; orders and their padding hold indices of
             // primitives.
-            unsafe {
+            let order = unsafe {
+                let order = self.order.each_ref().map(|order| order.as_ptr().add(PAD + start));
                 if count <= 4 {
                     return avx2::sweep_four(&self.prims, order, count, rule);
                 }
                 if count <= 8 {
                     return avx2::sweep_eight(&self.prims, order, count, rule);
                 }
-            }
+                order
+            };
             let [a, b, c, d, e, f] = &mut self.areas;
-            let [left, right] =
-                [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a[PAD..].as_mut_ptr()));
             // SAFETY: as above.
-            return unsafe { avx2::sweep(&self.prims, order, count, rule, left, right) };
+            return unsafe {
+                let [left, right] =
+                    [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a.as_mut_ptr().add(PAD)));
+                avx2::sweep(&self.prims, order, count, rule, left, right)
+            };
         }
         let mut best = Split::NONE;
         let bounds = [0, 1, 2].map(|axis| {

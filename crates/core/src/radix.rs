@@ -16,21 +16,30 @@ const PARALLEL_FROM: usize = 1 << 15;
 /// must be as long as `items`; it is overwritten.
 ///
 /// # Panics
-/// If the lengths differ.
-pub fn sort_by_key<T: Copy + Send + Sync>(
+/// If the lengths differ or are over [`u32::MAX`].
+///
+/// # Safety
+/// `key` must return the same value whenever it is given the same item during this call. Items
+/// are moved to places that were counted before, without looking again: a key that changes
+/// between the count and the move would write out of bounds.
+pub unsafe fn sort_by_key<T: Copy + Send + Sync>(
     items: &mut [T],
     spare: &mut [T],
     bits: u32,
     key: impl Fn(&T) -> u64 + Sync,
 ) {
     assert_eq!(items.len(), spare.len(), "the spare array is as long as the items");
+    assert!(items.len() <= u32::MAX as usize, "places are counted in 32 bits");
     let mut in_items = true;
     for shift in (0..bits).step_by(DIGIT_BITS as usize) {
         let mask = (DIGITS as u64 - 1) >> DIGIT_BITS.saturating_sub(bits - shift);
         #[expect(clippy::cast_possible_truncation, reason = "masked to one digit")]
         let digit = |item: &T| ((key(item) >> shift) & mask) as usize;
-        let moved =
-            if in_items { scatter(items, spare, digit) } else { scatter(spare, items, digit) };
+        let (source, target) =
+            if in_items { (&*items, &mut *spare) } else { (&*spare, &mut *items) };
+        // SAFETY: the lengths were just checked; a digit depends on the key alone, which the
+        // caller promises not to change.
+        let moved = unsafe { scatter(source, target, digit) };
         in_items ^= moved;
     }
     if !in_items {
@@ -39,7 +48,11 @@ pub fn sort_by_key<T: Copy + Send + Sync>(
 }
 
 /// One pass from `source` to `target`; false if all items share the digit and nothing moved.
-fn scatter<T: Copy + Send + Sync>(
+///
+/// # Safety
+/// Both have the same length of at most `u32::MAX`, and `digit` returns the same value, below
+/// `DIGITS`, whenever it is given the same item.
+unsafe fn scatter<T: Copy + Send + Sync>(
     source: &[T],
     target: &mut [T],
     digit: impl Fn(&T) -> usize + Sync,
@@ -77,8 +90,9 @@ fn scatter<T: Copy + Send + Sync>(
             debug_assert!((*place as usize) < len, "counted before");
             // SAFETY: `place` starts at the number of items with a smaller digit, or with the
             // same digit in an earlier chunk, and grows by one for each item of this chunk with
-            // this digit. As the digits are those that were counted, the places of all chunks
-            // are a permutation of 0..len: in bounds, and none is written twice.
+            // this digit. As the caller promises that digits are those that were counted, and
+            // that no count overflows, the places of all chunks are a permutation of 0..len: in
+            // bounds, and none is written twice.
             unsafe { out.0.add(*place as usize).write(*item) };
             *place += 1;
         }
@@ -101,7 +115,8 @@ mod tests {
         let mut expected = items.clone();
         expected.sort_by_key(|i| i.0 & mask);
         let mut spare = items.clone();
-        sort_by_key(&mut items, &mut spare, bits, |i| i.0);
+        // SAFETY: the key is a field of the item.
+        unsafe { sort_by_key(&mut items, &mut spare, bits, |i| i.0) };
         assert_eq!(items, expected);
     }
 

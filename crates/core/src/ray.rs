@@ -12,7 +12,8 @@ use glam::Vec3;
 pub struct Ray {
     /// Start point (at t = 0).
     pub origin: Vec3,
-    /// Smallest accepted distance; at least 0.
+    /// Smallest accepted distance; at least 0. Our kernels and the exact oracle take a negative
+    /// one as 0, so that nothing behind the origin is hit.
     pub t_min: f32,
     /// Direction.
     pub direction: Vec3,

@@ -27,6 +27,16 @@ impl Contact {
 /// Decides exactly whether a ray hits a closed triangle within its closed range.
 #[must_use]
 pub fn contact(ray: &Ray, triangle: &Triangle) -> Contact {
+    contact_of_line(&forward(ray), triangle)
+}
+
+/// The ray with a negative `t_min` taken as 0, as kernels take it.
+pub(crate) fn forward(ray: &Ray) -> Ray {
+    if ray.t_min < 0.0 { ray.with_range(0.0, ray.t_max) } else { *ray }
+}
+
+/// [`contact`] that goes behind the origin where the range does.
+pub(crate) fn contact_of_line(ray: &Ray, triangle: &Triangle) -> Contact {
     if !is_sound(ray) || !is_finite(triangle) {
         return Contact::Miss;
     }

@@ -22,7 +22,7 @@
 //! What counts as a hit:
 //!
 //! - the triangle is closed (edges and corners belong to it), and so is the range
-//!   `t_min ≤ t ≤ t_max`, where `t_max` may be infinite;
+//!   `t_min ≤ t ≤ t_max`, where `t_max` may be infinite and a negative `t_min` counts as 0;
 //! - a ray in the plane of the triangle, or parallel to it, misses, as in all determinant tests;
 //! - a triangle without area is never hit;
 //! - a ray or triangle with NaN, with an infinite coordinate, and a ray with zero direction or

@@ -2,7 +2,7 @@
 
 use crate::{
     closest::near_line,
-    contact::{Contact, contact, has_no_area, is_sound, plane_t},
+    contact::{Contact, contact, contact_of_line, forward, has_no_area, is_sound, plane_t},
     difficulty::{border_distance_ulps, t_error_bound},
 };
 use niwaki_core::{Hit, Ray, Triangle, TriangleMesh};
@@ -374,6 +374,7 @@ fn examine_triangle(
     reported: Option<f32>,
     options: &SettleOptions,
 ) -> Claim {
+    let ray = &forward(ray);
     let contact = contact(ray, triangle);
     let border_ulps = border_distance_ulps(ray, triangle);
     let false_hit = Claim::FalseHit { prim_id, border_ulps };
@@ -409,7 +410,7 @@ fn examine_triangle(
 
 /// True if the line of the ray hits the triangle at whatever distance.
 fn crosses_inside(ray: &Ray, triangle: &Triangle) -> bool {
-    contact(&ray.with_range(f32::NEG_INFINITY, f32::INFINITY), triangle).is_hit()
+    contact_of_line(&ray.with_range(f32::NEG_INFINITY, f32::INFINITY), triangle).is_hit()
 }
 
 /// For a ray in the plane of a triangle: the middle of the distances at which it may be next to

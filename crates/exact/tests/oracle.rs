@@ -2,7 +2,8 @@
 
 use niwaki_core::{Ray, Triangle, TriangleMesh, glam::Vec3, to_u32};
 use niwaki_exact::{
-    Contact, border_distance_ulps, closest, closest_in_mesh, compare_t, contact, t, t_error_bound,
+    Contact, Verdict, border_distance_ulps, closest, closest_in_mesh, compare_t, contact,
+    settle_any, t, t_error_bound,
 };
 use num_rational::BigRational;
 use num_traits::{Signed, Zero};
@@ -197,6 +198,16 @@ fn the_ends_of_the_range_belong_to_it() {
         (0.0, f32::NAN, false),
     ] {
         assert_eq!(contact(&ray.with_range(t_min, t_max), &tri).is_hit(), hit, "{t_min} {t_max}");
+    }
+    // Nothing behind the origin is hit, whatever the range.
+    let behind = Ray::new(Vec3::new(0.25, 0.25, -3.0), Vec3::NEG_Z);
+    for t_min in [-4.0, f32::NEG_INFINITY] {
+        let ray = behind.with_range(t_min, f32::INFINITY);
+        assert_eq!(contact(&ray, &tri), Contact::Miss);
+        assert_eq!(contact(&ray.with_range(t_min, -1.0), &tri), Contact::Miss);
+        assert_eq!(t(&ray, &tri), None);
+        let mesh = TriangleMesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(settle_any(&ray, &mesh, true, false), Verdict::OursWrong);
     }
     // Behind, and from the surface itself.
     assert_eq!(contact(&Ray::new(Vec3::new(0.25, 0.25, -3.0), Vec3::NEG_Z), &tri), Contact::Miss);

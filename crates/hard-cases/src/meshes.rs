@@ -80,8 +80,9 @@ pub fn closed_star(levels: u32, size: f32, offset: Vec3, seed: u64) -> TriangleM
 }
 
 /// Boxes that shrink by half towards a corner, so that greedy splits peel them off one by one:
-/// a tree about as deep as there are primitives (the exponent range of `f32` ends a run at some
-/// 120 boxes, so runs are laid one behind the other).
+/// a tree some 110 levels deep for 10,000 triangles, where a balanced one has 14. Not as deep as
+/// there are primitives: the exponent range of `f32` ends such a run at some 120 boxes, so runs of
+/// 100 are laid one behind the other.
 #[must_use]
 pub fn deep_chain(count: usize) -> Vec<Triangle> {
     (0..count)

@@ -334,7 +334,10 @@ unsafe extern "C" fn create_leaf(
     count: usize,
     user: *mut c_void,
 ) -> *mut c_void {
-    let Ok(len) = u32::try_from(count) else { return ptr::null_mut() };
+    // A count of 0 would mark an inner node; reading refuses null.
+    let Some(len) = u32::try_from(count).ok().filter(|&len| len > 0) else {
+        return ptr::null_mut();
+    };
     // SAFETY: Embree passes `count` primitives; the memory has room for the header and as many
     // ids, whose alignment is that of the header.
     unsafe {
@@ -407,5 +410,22 @@ unsafe fn read(node: *const c_void, ids: &mut Vec<u32>) -> Read<*const c_void> {
             (inner.children[0].cast(), inner.bounds[0]),
             (inner.children[1].cast(), inner.bounds[1]),
         ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_leaf_reads_as_missing() {
+        // SAFETY: without primitives neither the allocator, the list nor the context is used, and
+        // what comes back is null.
+        let read = unsafe {
+            let leaf = create_leaf(ptr::null_mut(), ptr::null(), 0, ptr::null_mut());
+            assert!(leaf.is_null());
+            read(leaf, &mut Vec::new())
+        };
+        assert!(matches!(read, Read::Missing));
     }
 }

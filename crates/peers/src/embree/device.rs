@@ -162,9 +162,10 @@ pub(super) struct Device {
     pub(super) queries: Queries,
     version: EmbreeVersion,
     library: String,
-    // Boxed because Embree holds their addresses until the device is released.
-    monitor: Box<Monitor>,
-    message: Box<Mutex<String>>,
+    // Embree holds their addresses until the device is released. Not boxes: moving a box claims
+    // sole access to what it holds, which would end the right to use those addresses.
+    monitor: Arc<Monitor>,
+    message: Arc<Mutex<String>>,
 }
 
 // SAFETY: Embree's device functions may be called from any thread; the raw pointers are handles
@@ -220,12 +221,12 @@ impl Device {
             queries,
             version,
             library: name,
-            monitor: Box::default(),
-            message: Box::default(),
+            monitor: Arc::default(),
+            message: Arc::default(),
         };
-        let monitor: *const Monitor = &raw const *device.monitor;
-        let message: *const Mutex<String> = &raw const *device.message;
-        // SAFETY: both boxes outlive the device (`drop` releases it first), are only used through
+        let monitor = Arc::as_ptr(&device.monitor);
+        let message = Arc::as_ptr(&device.message);
+        // SAFETY: both outlive the device (`drop` releases it first), are only used through
         // shared references, and the callbacks have the types that Embree documents.
         unsafe {
             (api.set_device_memory_monitor)(handle, Some(count_memory), monitor.cast_mut().cast());

@@ -2,9 +2,6 @@
 //!
 //! [`ObvhsScene`] answers rays with obvhs's own trees and kernels, and [`ObvhsPreset::build`]
 //! brings its binary trees into [`Bvh`]s for any other kernel.
-//!
-//! [`ObvhsScene`] answers rays with obvhs's own trees and kernels, and [`ObvhsPreset::build`]
-//! brings its binary trees into [`Bvh`]s for any other kernel.
 
 mod scene;
 
