@@ -9,7 +9,6 @@ use niwaki_build_median::ObjectMedian;
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Builder, SahConstants};
 use niwaki_metrics::{sah, validate};
-use proptest::prelude::*;
 use support::*;
 
 #[test]
@@ -78,8 +77,8 @@ fn leaves_are_made_where_they_pay() {
         let merged = Binned { sah: constants, ..Binned::default() };
         let single = Binned { max_leaf_size: 1, ..merged };
         let mut costs = [0.0; 2];
-        for seed in 0..200_u64 {
-            let mesh = soup(1 + (seed as usize * 7) % 500, seed);
+        for count in 0..200_usize {
+            let mesh = soup(1 + (count * 7) % 500, count as u64);
             for (cost, builder) in costs.iter_mut().zip([&merged, &single]) {
                 let bvh = builder.build_mesh(&mesh).unwrap();
                 validate(&bvh, &mesh).unwrap();
