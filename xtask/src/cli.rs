@@ -27,7 +27,7 @@ pub(crate) enum Command {
 const BENCH_EXAMPLES: &str = "\
 Examples:
   cargo xtask bench
-      Seven procedural scenes, every builder, all cores; about two minutes on two cores.
+      Seven procedural scenes, every builder of ours, all cores; a few minutes on two cores.
   cargo xtask bench --scene model.glb --threads 1,2
       Your own scene (.obj, .gltf, .glb, each also packed as .zst), at one and at two threads.
   cargo xtask bench --scene city:1000000 --scene hair:3M --builders sweep,bonsai_p,embree
