@@ -11,7 +11,8 @@ pub(crate) struct Tally {
     pub(crate) rays: u64,
     /// Equal distances, or closer than `f32` can tell.
     pub(crate) tie: u64,
-    /// Our kernel lost or gained a hit within a few units in the last place of a border.
+    /// One of the two lost or gained a hit within a few units in the last place of a border, or
+    /// exactly at an end of the ray's range.
     pub(crate) rounding: u64,
     /// The exact answer contradicts the peer.
     pub(crate) peer_wrong: u64,
@@ -51,7 +52,7 @@ pub(crate) struct Row {
     pub(crate) triangles: usize,
     pub(crate) builder: String,
     pub(crate) kernel: String,
-    /// `brute_force`, `exact`, `embree` or `obvhs`.
+    /// `brute_force`, `exact`, `embree`, `embree_robust` or `obvhs`.
     pub(crate) against: String,
     /// `closest` or `any`.
     pub(crate) query: &'static str,
