@@ -22,6 +22,7 @@
 //! | [`ray`] | rays, hits, and the [`Intersector`] that renderers are generic over |
 //! | [`bvh`] | the binary BVH: 32-byte nodes, siblings adjacent |
 //! | [`builder`] | the [`Builder`] trait, its errors and shared checks |
+//! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
 //! | [`radix`] | a stable parallel radix sort |
 //! | [`sah`] | surface area heuristic constants |
@@ -32,6 +33,7 @@
 pub mod aabb;
 pub mod builder;
 pub mod bvh;
+pub mod clip;
 pub mod float;
 pub mod layout;
 pub mod mesh;
@@ -44,6 +46,7 @@ pub mod triangle;
 pub use aabb::{Aabb, AreaScale};
 pub use builder::{BuildError, Builder, SceneBounds, scene_bounds};
 pub use bvh::{Bvh, BvhNode};
+pub use clip::{BoxClip, Clip};
 pub use float::to_u32;
 pub use glam;
 pub use mesh::{MeshError, TriangleMesh};
