@@ -28,6 +28,8 @@
 //! There are no feature flags.
 
 mod assemble;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod mini;
 mod partition;
 mod prune;
@@ -41,7 +43,7 @@ use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree, tree_mem
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
 };
-use source::Source;
+use source::{Midpoints, Source};
 
 /// When a mini tree is cut up (thesis paper IV, section 5.4).
 ///
@@ -170,11 +172,12 @@ impl Bonsai {
             return (Bvh::default(), timings);
         }
         let mut clock = timings::Clock::start();
-        let (midpoints, scale) = source::midpoints(source);
+        let midpoints = Midpoints::of(source);
+        let scale = midpoints.scale;
         let rule = rule.with_scale(scale);
         timings.midpoints = clock.lap();
         let size = (self.mini_tree_size as usize).min(count);
-        let (mut ids, groups) = select::select(midpoints, size);
+        let (mut ids, groups) = select::select(midpoints, size, self.kernel);
         timings.selection = clock.lap();
         let mut nodes: Vec<BvhNode> = bytemuck::zeroed_vec(2 * count);
         let minis = mini::build(source, &rule, self.kernel, size, &groups, &mut ids, &mut nodes);

@@ -48,22 +48,35 @@ pub(crate) const fn check_count(count: usize) -> Result<(), BuildError> {
     Ok(())
 }
 
-/// All midpoints, and the scale of areas.
-pub(crate) fn midpoints<S: Source + ?Sized>(source: &S) -> (Vec<Midpoint>, AreaScale) {
-    const CHUNK: usize = 4096;
-    let mut midpoints: Vec<Midpoint> = bytemuck::zeroed_vec(source.len());
-    let bounds = midpoints
-        .par_chunks_mut(CHUNK)
-        .enumerate()
-        .map(|(chunk, midpoints)| {
-            let mut bounds = Aabb::EMPTY;
-            for (index, midpoint) in (to_u32(chunk * CHUNK)..).zip(midpoints) {
-                let aabb = source.prim(index).aabb();
-                bounds = bounds.union(aabb);
-                *midpoint = Midpoint { center: aabb.center().to_array(), index };
-            }
-            bounds
-        })
-        .reduce(|| Aabb::EMPTY, Aabb::union);
-    (midpoints, AreaScale::of(&bounds))
+/// All midpoints.
+pub(crate) struct Midpoints {
+    pub(crate) midpoints: Vec<Midpoint>,
+    /// Around them.
+    pub(crate) bounds: Aabb,
+    /// The scale of areas of the scene.
+    pub(crate) scale: AreaScale,
+}
+
+impl Midpoints {
+    pub(crate) fn of<S: Source + ?Sized>(source: &S) -> Self {
+        const CHUNK: usize = 4096;
+        let mut midpoints: Vec<Midpoint> = bytemuck::zeroed_vec(source.len());
+        let empty = (Aabb::EMPTY, Aabb::EMPTY);
+        let (scene, bounds) = midpoints
+            .par_chunks_mut(CHUNK)
+            .enumerate()
+            .map(|(chunk, midpoints)| {
+                let (mut scene, mut bounds) = empty;
+                for (index, midpoint) in (to_u32(chunk * CHUNK)..).zip(midpoints) {
+                    let aabb = source.prim(index).aabb();
+                    let center = aabb.center();
+                    scene = scene.union(aabb);
+                    bounds = bounds.grow(center);
+                    *midpoint = Midpoint { center: center.to_array(), index };
+                }
+                (scene, bounds)
+            })
+            .reduce(|| empty, |a, b| (a.0.union(b.0), a.1.union(b.1)));
+        Self { midpoints, bounds, scale: AreaScale::of(&scene) }
+    }
 }
