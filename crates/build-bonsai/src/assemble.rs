@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 /// Where the parts of a root go.
 struct Place<'a> {
-    root: &'a Root,
+    root: &'a Root<'a>,
     /// Index of the first node below the root.
     below: u32,
     /// Index of the first primitive.
@@ -23,14 +23,14 @@ impl Place<'_> {
         let first = if node.is_leaf() {
             node.first - self.root.prims.start + self.prims
         } else {
-            node.first + self.root.base - self.root.below.start + self.below
+            node.first - self.root.first + self.below
         };
         BvhNode { first, ..*node }
     }
 }
 
 /// The nodes of the top tree come first, then what is below its leaves, from left to right.
-pub(crate) fn assemble(top: &Bvh, roots: &[Root], nodes: &[BvhNode], ids: &[u32]) -> Bvh {
+pub(crate) fn assemble(top: &Bvh, roots: &[Root<'_>], ids: &[u32]) -> Bvh {
     let below: usize = roots.iter().map(|root| root.below.len()).sum();
     let mut result = Bvh {
         nodes: bytemuck::zeroed_vec(top.nodes.len() + below),
@@ -56,18 +56,18 @@ pub(crate) fn assemble(top: &Bvh, roots: &[Root], nodes: &[BvhNode], ids: &[u32]
         (nodes_rest, ids_rest) = (nodes_after, ids_after);
     }
     places.par_iter_mut().with_min_len(16).for_each(|place| {
-        let range = |r: &std::ops::Range<u32>| r.start as usize..r.end as usize;
         let out = std::mem::take(&mut place.nodes_out);
-        for (out, node) in out.iter_mut().zip(&nodes[range(&place.root.below)]) {
+        for (out, node) in out.iter_mut().zip(place.root.below) {
             *out = place.moved(node);
         }
-        place.ids_out.copy_from_slice(&ids[range(&place.root.prims)]);
+        let prims = &place.root.prims;
+        place.ids_out.copy_from_slice(&ids[prims.start as usize..prims.end as usize]);
     });
     top_out.par_iter_mut().zip(&top.nodes).with_min_len(4096).for_each(|(out, node)| {
         *out = *node;
         if node.is_leaf() {
             let place = &places[node.first as usize];
-            *out = place.moved(&nodes[place.root.node as usize]);
+            *out = place.moved(&place.root.node);
         }
     });
     result

@@ -40,9 +40,7 @@ mod timings;
 pub use timings::Timings;
 
 use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree, tree_memory_bound};
-use niwaki_core::{
-    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
-};
+use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh, scene_bounds};
 use source::{Midpoints, Source};
 
 /// When a mini tree is cut up (thesis paper IV, section 5.4).
@@ -179,18 +177,17 @@ impl Bonsai {
         let size = (self.mini_tree_size as usize).min(count);
         let (mut ids, groups) = select::select(midpoints, size, self.kernel);
         timings.selection = clock.lap();
-        let mut nodes: Vec<BvhNode> = bytemuck::zeroed_vec(2 * count);
-        let minis = mini::build(source, &rule, self.kernel, size, &groups, &mut ids, &mut nodes);
+        let minis = mini::build(source, &rule, self.kernel, size, &groups, &mut ids);
         timings.mini_trees = clock.lap();
-        let roots = prune::roots(&minis, &nodes, self.pruning, scale);
+        let roots = prune::roots(&minis, self.pruning, scale);
         timings.pruning = clock.lap();
         let top = build_tree(
-            &prune::references(&roots, &nodes),
+            &prune::references(&roots),
             SplitRule::to_the_end().with_scale(scale),
             self.kernel,
         );
         timings.top_tree = clock.lap();
-        let bvh = assemble::assemble(&top, &roots, &nodes, &ids);
+        let bvh = assemble::assemble(&top, &roots, &ids);
         timings.assembly = clock.lap();
         (bvh, timings)
     }
@@ -221,13 +218,15 @@ impl Builder for Bonsai {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        // Slots for the nodes of mini trees, and ids.
-        let minis = 68 * count;
+        // Nodes of mini trees, and ids.
+        let minis = (mini::BYTES + 4) * count;
         let largest = (self.mini_tree_size as usize).min(count);
-        let workspaces = 2 * rayon::current_num_threads() * SweepWorkspace::bytes(largest);
+        let workspaces = 2
+            * rayon::current_num_threads()
+            * (SweepWorkspace::bytes(largest) + mini::copy_bytes(largest));
         // If pruning cuts everything into single triangles: a root for each, then either the top
         // tree with its references, or the top tree and the places and nodes of the result.
-        let roots = size_of::<prune::Root>() * count;
+        let roots = size_of::<prune::Root<'_>>() * count;
         let top = size_of::<PrimRef>() * count + tree_memory_bound(count);
         let assembly = (68 + assemble::PLACE_BYTES + 68) * count;
         minis + (roots + top.max(assembly)).max(workspaces) + 65536

@@ -69,9 +69,10 @@ fn bounds_hold_and_are_tight() {
         for count in [1000, 30_000, 400_000] {
             let mesh = sheet(count);
             let builders: [(&dyn Builder, usize); 6] = [
-                (&Bonsai::bonsai(), 4),
-                (&Bonsai::bonsai_p(), 4),
-                (&Bonsai::bonsai_p_star(), 4),
+                // The bounds allow for groups of one triangle each; these are of hundreds.
+                (&Bonsai::bonsai(), 6),
+                (&Bonsai::bonsai_p(), 6),
+                (&Bonsai::bonsai_p_star(), 6),
                 (&everything_cut, 3),
                 (&single_leaves, 2),
                 (&Sweep::default(), 2),
@@ -93,6 +94,6 @@ fn bounds_hold_and_are_tight() {
         // The target for large meshes, the fixed part of workspaces left out.
         let mesh = sheet(400_000);
         let peak = peak(&Bonsai::bonsai_p(), &mesh);
-        assert!(peak < 200 * mesh.len(), "{} bytes a triangle", peak / mesh.len());
+        assert!(peak < 100 * mesh.len(), "{} bytes a triangle", peak / mesh.len());
     });
 }

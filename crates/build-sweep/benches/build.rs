@@ -2,7 +2,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use niwaki_build_sweep::{Kernel, SplitRule, Sweep, SweepWorkspace};
-use niwaki_core::{Builder, SahConstants, layout};
+use niwaki_core::{Builder, SahConstants};
 use niwaki_hard_cases::soup_mesh;
 
 fn benches(criterion: &mut Criterion) {
@@ -13,13 +13,12 @@ fn benches(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(count as u64));
         for kernel in Kernel::available() {
             let mut workspace = SweepWorkspace::new(kernel);
-            let mut nodes = layout::slots(prims.len());
             let mut ids = vec![0; prims.len()];
             group.bench_function(format!("workspace {kernel:?}"), |b| {
                 b.iter(|| {
                     workspace.prims.clear();
                     workspace.prims.extend_from_slice(&prims);
-                    workspace.build(&rule, &mut nodes, &mut ids, 0)
+                    workspace.build(&rule, &mut ids, 0).len()
                 });
             });
             let sweep = Sweep { kernel, ..Sweep::default() };

@@ -54,16 +54,13 @@ pub fn build_tree(prims: &[PrimRef], rule: SplitRule, kernel: Kernel) -> Bvh {
         return Bvh::default();
     }
     let mut ids = vec![0; count];
-    let mut nodes = layout::slots(count);
     if count <= LOCAL {
         let mut workspace = SweepWorkspace::with_capacity(kernel, count);
         workspace.prims.extend_from_slice(prims);
-        let used = workspace.build(&rule, &mut nodes, &mut ids, 0);
-        drop(workspace);
-        nodes.truncate(used);
-        nodes.shrink_to_fit();
+        let nodes = workspace.build(&rule, &mut ids, 0).to_vec();
         return Bvh { nodes, prim_ids: ids };
     }
+    let mut nodes = layout::slots(count);
     let mut order = sorted(prims);
     let mut work = [const { Vec::new() }; 3].map(|_: Vec<u32>| bytemuck::zeroed_vec(count));
     let shared = Shared {
@@ -100,7 +97,7 @@ pub fn tree_memory_bound(count: usize) -> usize {
     // it is allocated.
     let lists = (12 + 12 + 1 + 4) * count;
     // A thread that waits for another may start a task inside its own and need a second one.
-    let workspaces = 2 * rayon::current_num_threads() * (SweepWorkspace::bytes(LOCAL) + 64 * LOCAL);
+    let workspaces = 2 * rayon::current_num_threads() * SweepWorkspace::bytes(LOCAL);
     // Or, while nodes are compacted, a second array and the new place of each pair.
     result + (lists + workspaces).max(result) + 65536
 }

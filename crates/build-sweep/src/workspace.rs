@@ -26,7 +26,7 @@ pub struct SweepWorkspace {
     scratch: Vec<u32>,
     /// Areas of the boxes from the start of the node to each position, and from there to its end.
     areas: [Vec<f32>; 6],
-    /// The result of [`SweepWorkspace::build_ordered`].
+    /// The result.
     nodes: Vec<BvhNode>,
     /// Right siblings that wait: node, first, end.
     stack: Vec<(u32, u32, u32)>,
@@ -64,7 +64,7 @@ impl SweepWorkspace {
     /// Bytes that a workspace for trees of up to `count` primitives takes at most.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        let lists = size_of::<PrimRef>() + 12 + 32 + 1 + 4 + 24;
+        let lists = size_of::<PrimRef>() + 12 + 32 + 1 + 4 + 24 + 2 * size_of::<BvhNode>();
         // A list that doubles its room while a chain as deep as it is long is built.
         let stack = 3 * 12 * count;
         (count + 2 * PAD) * lists + stack + 1024
@@ -72,14 +72,15 @@ impl SweepWorkspace {
 
     /// Makes all lists but those of keys and primitives long enough.
     fn make_room(&mut self, count: usize) {
-        fn to_length<T: Copy + Default>(list: &mut Vec<T>, length: usize) {
+        fn to_length<T: bytemuck::Zeroable + Clone>(list: &mut Vec<T>, length: usize) {
             if list.len() < length {
                 list.reserve_exact(length - list.len());
-                list.resize(length, T::default());
+                list.resize(length, T::zeroed());
             }
         }
         to_length(&mut self.side, count + PAD);
         to_length(&mut self.scratch, count + PAD);
+        to_length(&mut self.nodes, (2 * count).saturating_sub(1));
         for order in &mut self.order {
             to_length(order, count + 2 * PAD);
         }
@@ -88,27 +89,20 @@ impl SweepWorkspace {
         }
     }
 
-    /// Builds a tree over [`SweepWorkspace::prims`] and returns how many of `nodes` it uses: the
-    /// root is `nodes[0]`, siblings are adjacent, and everything below a node is one contiguous
-    /// range that starts at its children, that of a left child before that of its sibling. Leaves
-    /// count from `first_prim` on; `ids` receives the `prim_id`s in leaf order.
+    /// Builds a tree over [`SweepWorkspace::prims`] and returns its nodes, in memory of the
+    /// workspace: the root comes first, siblings are adjacent, and everything below a node is one
+    /// contiguous range that starts at its children, that of a left child before that of its
+    /// sibling. Leaves count from `first_prim` on; `ids` receives the `prim_id`s in leaf order.
     ///
     /// # Panics
-    /// If there are no primitives, `ids` is not as long as they are, or `nodes` is shorter than
-    /// `2·count − 1`.
-    pub fn build(
-        &mut self,
-        rule: &SplitRule,
-        nodes: &mut [BvhNode],
-        ids: &mut [u32],
-        first_prim: usize,
-    ) -> usize {
+    /// If there are no primitives or `ids` is not as long as they are.
+    pub fn build(&mut self, rule: &SplitRule, ids: &mut [u32], first_prim: usize) -> &[BvhNode] {
         self.sort();
-        self.build_sorted(rule, nodes, ids, first_prim)
+        self.build_sorted(rule, ids, first_prim)
     }
 
-    /// Builds a tree over primitives that are already sorted along each axis, into memory of the
-    /// workspace. Otherwise like [`SweepWorkspace::build`].
+    /// Builds a tree over primitives that are already sorted along each axis. Otherwise like
+    /// [`SweepWorkspace::build`].
     pub(crate) fn build_ordered(
         &mut self,
         rule: &SplitRule,
@@ -122,11 +116,7 @@ impl SweepWorkspace {
             assert!(sorted.iter().all(|&p| (p as usize) < count), "positions in `prims`");
             order[PAD..PAD + count].copy_from_slice(sorted);
         }
-        let mut nodes = std::mem::take(&mut self.nodes);
-        nodes.resize(nodes.len().max(2 * count), BvhNode::leaf(Aabb::EMPTY, 0, 0));
-        let used = self.build_sorted(rule, &mut nodes, ids, first_prim);
-        self.nodes = nodes;
-        &self.nodes[..used]
+        self.build_sorted(rule, ids, first_prim)
     }
 
     fn sort(&mut self) {
@@ -136,16 +126,11 @@ impl SweepWorkspace {
         self.keys.sort(&self.prims, order);
     }
 
-    fn build_sorted(
-        &mut self,
-        rule: &SplitRule,
-        nodes: &mut [BvhNode],
-        ids: &mut [u32],
-        first_prim: usize,
-    ) -> usize {
+    fn build_sorted(&mut self, rule: &SplitRule, ids: &mut [u32], first_prim: usize) -> &[BvhNode] {
         let count = self.prims.len();
-        assert!(count > 0 && ids.len() == count && nodes.len() >= 2 * count - 1);
+        assert!(count > 0 && ids.len() == count);
         assert!(count < 1 << 28, "vector kernels pack axis and position in 30 bits");
+        let mut nodes = std::mem::take(&mut self.nodes);
         let mut used = 1;
         self.stack.clear();
         self.stack.push((0, 0, to_u32(count)));
@@ -180,7 +165,8 @@ impl SweepWorkspace {
         for (id, &i) in ids.iter_mut().zip(&self.order[0][PAD..]) {
             *id = self.prims[i as usize].prim_id;
         }
-        used as usize
+        self.nodes = nodes;
+        &self.nodes[..used as usize]
     }
 
     fn bounds(&self, start: usize, end: usize) -> Aabb {

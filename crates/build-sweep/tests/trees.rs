@@ -186,12 +186,11 @@ fn the_parallel_engine_builds_the_tree_of_the_serial_one() {
     let parallel = build_tree(&prims, rule, Kernel::best());
     let mut workspace = SweepWorkspace::new(Kernel::best());
     workspace.prims.extend_from_slice(&prims);
-    let mut nodes = niwaki_core::layout::slots(prims.len());
     let mut ids = vec![0; prims.len()];
-    let used = workspace.build(&rule, &mut nodes, &mut ids, 0);
-    assert_eq!(used, parallel.nodes.len());
+    let nodes = workspace.build(&rule, &mut ids, 0).to_vec();
+    assert_eq!(nodes.len(), parallel.nodes.len());
     assert_eq!(ids, parallel.prim_ids);
-    let serial = Bvh { nodes: nodes[..used].to_vec(), prim_ids: ids };
+    let serial = Bvh { nodes, prim_ids: ids };
     let cost = |bvh| sah(bvh, &SahConstants::default());
     assert_eq!(cost(&parallel), cost(&serial));
 }
