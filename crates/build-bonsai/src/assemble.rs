@@ -1,7 +1,7 @@
 //! One array from the top tree and the subtrees below it.
 
 use crate::prune::Root;
-use niwaki_core::{Bvh, BvhNode, to_u32};
+use niwaki_core::{Bvh, BvhNode, memory::prefer_large_pages, to_u32};
 use rayon::prelude::*;
 
 /// Where the parts of a root go.
@@ -36,6 +36,7 @@ pub(crate) fn assemble(top: &Bvh, roots: &[Root<'_>], ids: &[u32]) -> Bvh {
         nodes: bytemuck::zeroed_vec(top.nodes.len() + below),
         prim_ids: bytemuck::zeroed_vec(ids.len()),
     };
+    prefer_large_pages(&result.nodes);
     let (top_out, mut nodes_rest) = result.nodes.split_at_mut(top.nodes.len());
     let mut ids_rest = &mut result.prim_ids[..];
     let (mut next_node, mut next_prim) = (top.nodes.len(), 0);

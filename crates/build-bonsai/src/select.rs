@@ -3,7 +3,7 @@
 use crate::partition::{Sides, partition, partition_parallel};
 use crate::source::{Midpoint, Midpoints};
 use niwaki_build_sweep::Kernel;
-use niwaki_core::{Aabb, layout, to_u32};
+use niwaki_core::{Aabb, layout, memory::prefer_large_pages, to_u32};
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -30,7 +30,8 @@ pub(crate) fn select(
 ) -> (Vec<u32>, Vec<Range<u32>>) {
     let Midpoints { mut midpoints, bounds, .. } = midpoints;
     let count = midpoints.len();
-    let mut spare = bytemuck::zeroed_vec(if count > size { count } else { 0 });
+    let mut spare: Vec<Midpoint> = bytemuck::zeroed_vec(if count > size { count } else { 0 });
+    prefer_large_pages(&spare);
     let mut ids = vec![0_u32; count];
     let groups = Mutex::new(Vec::new());
     layout::divide(

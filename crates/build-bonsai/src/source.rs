@@ -1,6 +1,7 @@
 //! Where primitives come from, and their midpoints (thesis paper IV, section 5.1).
 
 use niwaki_core::builder::MAX_PRIMS;
+use niwaki_core::memory::prefer_large_pages;
 use niwaki_core::{Aabb, AreaScale, BuildError, PrimRef, TriangleMesh, to_u32};
 use rayon::prelude::*;
 
@@ -61,6 +62,7 @@ impl Midpoints {
     pub(crate) fn of<S: Source + ?Sized>(source: &S) -> Self {
         const CHUNK: usize = 4096;
         let mut midpoints: Vec<Midpoint> = bytemuck::zeroed_vec(source.len());
+        prefer_large_pages(&midpoints);
         let empty = (Aabb::EMPTY, Aabb::EMPTY);
         let (scene, bounds) = midpoints
             .par_chunks_mut(CHUNK)

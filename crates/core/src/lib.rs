@@ -26,6 +26,7 @@
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
 //! | [`radix`] | a stable parallel radix sort |
 //! | [`sah`] | surface area heuristic constants |
+//! | [`memory`] | large pages for large arrays |
 //! | [`float`] | rounding-aware arithmetic |
 //!
 //! There are no feature flags.
@@ -36,6 +37,7 @@ pub mod bvh;
 pub mod clip;
 pub mod float;
 pub mod layout;
+pub mod memory;
 pub mod mesh;
 pub mod prim_ref;
 pub mod radix;

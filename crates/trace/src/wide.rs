@@ -6,8 +6,8 @@ use crate::{
 };
 #[cfg(target_arch = "x86_64")]
 use crate::{avx2, avx512};
-use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8, prefer_large_pages};
+use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh, memory::prefer_large_pages};
+use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8};
 use rayon::prelude::*;
 use std::sync::Arc;
 

@@ -3,9 +3,8 @@
 use crate::{
     Bvh8, Child, CollapseError, Node8,
     counts::{MANY, subtree_counts},
-    memory::prefer_large_pages,
 };
-use niwaki_core::{AreaScale, Bvh, BvhNode, to_u32};
+use niwaki_core::{AreaScale, Bvh, BvhNode, memory::prefer_large_pages, to_u32};
 use rayon::prelude::*;
 
 /// Settings of [`Bvh8::collapse`].

@@ -35,12 +35,10 @@
 mod collapse;
 mod counts;
 mod error;
-mod memory;
 mod node;
 
 pub use collapse::CollapseSettings;
 pub use error::CollapseError;
-pub use memory::prefer_large_pages;
 pub use node::{Bvh8, Child, Node8};
 
 #[cfg(doctest)]

@@ -2,9 +2,10 @@
 
 /// Asks the system to back an array that has not been touched yet with large pages.
 ///
-/// Incoherent rays jump all over the nodes and triangles of a scene. With pages of 4 KiB, the
-/// translation of most addresses of a large scene is not at hand, which costs as much as a cache
-/// miss. It is a wish: where there are no large pages, nothing changes.
+/// Incoherent rays, and builders that gather primitives, jump all over a scene. With pages of
+/// 4 KiB, the translation of most addresses of a large scene is not at hand, which costs as much
+/// as a cache miss; and each page costs a call of the system when it is touched first. It is a
+/// wish: where there are no large pages, nothing changes.
 #[inline]
 pub fn prefer_large_pages<T>(array: &[T]) {
     #[cfg(target_os = "linux")]
