@@ -16,6 +16,9 @@ pub struct SweepWorkspace {
     /// The primitives of the next tree. All bounds must be finite.
     pub prims: Vec<PrimRef>,
     kernel: Kernel,
+    /// The boxes of `prims` as [`avx2`] takes them.
+    #[cfg(target_arch = "x86_64")]
+    boxes: Vec<avx2::Corners>,
     /// Primitives sorted along each axis, from [`PAD`] on; a node is the same range in all three.
     /// The padding before is zero, a valid index, because vector kernels read past the ends of
     /// nodes.
@@ -39,6 +42,8 @@ impl SweepWorkspace {
         Self {
             prims: Vec::new(),
             kernel: kernel.or_fallback(),
+            #[cfg(target_arch = "x86_64")]
+            boxes: Vec::new(),
             order: [const { Vec::new() }; 3],
             keys: small_sort::Keys::default(),
             side: Vec::new(),
@@ -55,6 +60,8 @@ impl SweepWorkspace {
     pub fn with_capacity(kernel: Kernel, count: usize) -> Self {
         let mut workspace = Self::new(kernel);
         workspace.prims.reserve_exact(count);
+        #[cfg(target_arch = "x86_64")]
+        workspace.boxes.reserve_exact(count);
         workspace.keys.reserve(count);
         workspace.stack.reserve_exact(66);
         workspace.make_room(count);
@@ -64,7 +71,7 @@ impl SweepWorkspace {
     /// Bytes that a workspace for trees of up to `count` primitives takes at most.
     #[must_use]
     pub const fn bytes(count: usize) -> usize {
-        let lists = size_of::<PrimRef>() + 12 + 32 + 1 + 4 + 24 + 2 * size_of::<BvhNode>();
+        let lists = 2 * size_of::<PrimRef>() + 12 + 32 + 1 + 4 + 24 + 2 * size_of::<BvhNode>();
         // A list that doubles its room while a chain as deep as it is long is built.
         let stack = 3 * 12 * count;
         (count + 2 * PAD) * lists + stack + 1024
@@ -130,6 +137,11 @@ impl SweepWorkspace {
         let count = self.prims.len();
         assert!(count > 0 && ids.len() == count);
         assert!(count < 1 << 28, "vector kernels pack axis and position in 30 bits");
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel == Kernel::Avx2 {
+            self.boxes.clear();
+            self.boxes.extend(self.prims.iter().map(avx2::Corners::from));
+        }
         let mut nodes = std::mem::take(&mut self.nodes);
         let mut used = 1;
         self.stack.clear();
@@ -175,7 +187,7 @@ impl SweepWorkspace {
         if self.kernel == Kernel::Avx2 && order.len() <= 2 {
             // SAFETY: a workspace has this kernel only where AVX2 is present, and orders hold
             // indices of primitives.
-            return unsafe { avx2::bounds_of_two(&self.prims, order[0], order[order.len() - 1]) };
+            return unsafe { avx2::bounds_of_two(&self.boxes, order[0], order[order.len() - 1]) };
         }
         let mut bounds = Aabb::EMPTY;
         for &i in order {
@@ -198,10 +210,10 @@ impl SweepWorkspace {
             let order = unsafe {
                 let order = self.order.each_ref().map(|order| order.as_ptr().add(PAD + start));
                 if count <= 4 {
-                    return avx2::sweep_four(&self.prims, order, count, rule);
+                    return avx2::sweep_four(&self.boxes, order, count, rule);
                 }
                 if count <= 8 {
-                    return avx2::sweep_eight(&self.prims, order, count, rule);
+                    return avx2::sweep_eight(&self.boxes, order, count, rule);
                 }
                 order
             };
@@ -210,7 +222,7 @@ impl SweepWorkspace {
             return unsafe {
                 let [left, right] =
                     [[a, b, c], [d, e, f]].map(|areas| areas.map(|a| a.as_mut_ptr().add(PAD)));
-                avx2::sweep(&self.prims, order, count, rule, left, right)
+                avx2::sweep(&self.boxes, order, count, rule, left, right)
             };
         }
         let mut best = Split::NONE;
