@@ -62,7 +62,8 @@ pub(crate) struct BenchArgs {
     pub(crate) folders: Vec<PathBuf>,
 
     /// Builders, comma-separated: names (bonsai_p), peers' presets (embree:medium, obvhs:fast), or
-    /// groups (niwaki, embree, obvhs, all) [default: niwaki,embree,obvhs:medium]
+    /// groups (niwaki, embree, obvhs, all) [default: sweep, binned, lbvh, the three bonsai,
+    /// embree:medium and obvhs:medium]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) builders: Vec<String>,
 

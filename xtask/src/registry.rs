@@ -130,7 +130,16 @@ impl TreeBuilder {
 
 /// The builders that a list of names and groups selects, each once, in the order of tables.
 pub(crate) fn select(names: &[String]) -> Result<Vec<TreeBuilder>> {
-    const DEFAULT: [&str; 3] = ["niwaki", "embree", "obvhs:medium"];
+    const DEFAULT: [&str; 8] = [
+        "sweep",
+        "binned",
+        "lbvh",
+        "bonsai",
+        "bonsai_p",
+        "bonsai_p_star",
+        "embree:medium",
+        "obvhs:medium",
+    ];
     let names: Vec<&str> = if names.is_empty() {
         DEFAULT.to_vec()
     } else {
@@ -187,7 +196,7 @@ mod tests {
         assert_eq!(names(&["medium"]), ["obvhs:medium", "embree:medium"]);
         assert_eq!(names(&["embree:medium", "embree:medium"]), ["embree:medium"]);
         assert_eq!(names(&["all"]).len(), 8 + 6 + 3);
-        assert_eq!(names(&[]).len(), 8 + 3 + 1);
+        assert_eq!(names(&[]).len(), 6 + 2);
         let error = select(&["bonzai".into()]).err().unwrap().to_string();
         assert!(error.contains("bonzai") && error.contains("bonsai_p_star"), "{error}");
     }

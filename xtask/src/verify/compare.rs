@@ -2,7 +2,7 @@
 
 use super::ledger::{Tally, describe, describe_hit};
 use niwaki_core::{Hit, Intersector, Ray, TriangleMesh};
-use niwaki_exact::{Verdict, settle, settle_any};
+use niwaki_exact::{SettleOptions, Side, Verdict, settle_any_with, settle_with};
 use rayon::prelude::*;
 use std::{
     collections::HashMap,
@@ -34,12 +34,15 @@ pub(crate) fn any(scene: &(impl Intersector + ?Sized), rays: &[Ray]) -> Vec<bool
     flags
 }
 
+/// The verdict, and of rounding who rounded.
+type Settled = (Verdict, Option<Side>);
+
 /// An answer to a ray that can be settled against another.
 pub(crate) trait Answer: Copy + Sync {
     /// Bits that are equal only for equal answers; the key of the memory.
     fn key(self) -> u64;
     /// The exact test.
-    fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Verdict;
+    fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Settled;
     /// In words.
     fn describe(self) -> String;
 }
@@ -48,8 +51,9 @@ impl Answer for Hit {
     fn key(self) -> u64 {
         u64::from(self.prim_id) << 32 | u64::from(self.t.to_bits())
     }
-    fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Verdict {
-        settle(ray, mesh, &self, &theirs)
+    fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Settled {
+        let settled = settle_with(ray, mesh, &self, &theirs, &SettleOptions::default());
+        (settled.verdict, settled.rounding_side)
     }
     fn describe(self) -> String {
         describe_hit(&self)
@@ -60,8 +64,9 @@ impl Answer for bool {
     fn key(self) -> u64 {
         u64::from(self)
     }
-    fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Verdict {
-        settle_any(ray, mesh, self, theirs)
+    fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Settled {
+        let settled = settle_any_with(ray, mesh, self, theirs, &SettleOptions::default());
+        (settled.verdict, settled.rounding_side)
     }
     fn describe(self) -> String {
         if self { "occluded" } else { "not occluded" }.to_owned()
@@ -75,7 +80,7 @@ pub(crate) struct Reference<'a, A> {
     mesh: &'a TriangleMesh,
     rays: &'a [Ray],
     answers: Vec<A>,
-    settled: Mutex<HashMap<(usize, u64), Verdict>>,
+    settled: Mutex<HashMap<(usize, u64), Settled>>,
 }
 
 impl<'a, A: Answer + Send> Reference<'a, A> {
@@ -88,9 +93,9 @@ impl<'a, A: Answer + Send> Reference<'a, A> {
     pub(crate) fn compare(&self, ours: &[A]) -> (Tally, Vec<String>) {
         assert_eq!(self.rays.len(), ours.len(), "one answer per ray");
         let one = |(mut tally, mut wrong): (Tally, Vec<String>), i: usize| {
-            let verdict = self.verdict(i, ours[i]);
-            tally.add(verdict);
-            if verdict == Verdict::OursWrong && wrong.len() < MAX_CULPRITS {
+            let settled = self.settle(i, ours[i]);
+            tally.add(settled);
+            if settled.0 == Verdict::OursWrong && wrong.len() < MAX_CULPRITS {
                 let (our, their) = (ours[i].describe(), self.answers[i].describe());
                 wrong.push(describe(&self.rays[i], &our, &their));
             }
@@ -106,21 +111,21 @@ impl<'a, A: Answer + Send> Reference<'a, A> {
         )
     }
 
-    fn verdict(&self, i: usize, our: A) -> Verdict {
+    fn settle(&self, i: usize, our: A) -> Settled {
         // Equal bits need no settling, and that is almost all of them.
         if our.key() == self.answers[i].key() {
-            return Verdict::Agree;
+            return (Verdict::Agree, None);
         }
         let place = (i, our.key());
         if let Some(&known) = self.memory().get(&place) {
             return known;
         }
-        let verdict = our.settle(self.answers[i], &self.rays[i], self.mesh);
-        self.memory().insert(place, verdict);
-        verdict
+        let settled = our.settle(self.answers[i], &self.rays[i], self.mesh);
+        self.memory().insert(place, settled);
+        settled
     }
 
-    fn memory(&self) -> std::sync::MutexGuard<'_, HashMap<(usize, u64), Verdict>> {
+    fn memory(&self) -> std::sync::MutexGuard<'_, HashMap<(usize, u64), Settled>> {
         self.settled.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

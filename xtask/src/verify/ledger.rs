@@ -1,7 +1,7 @@
 //! Counts of agreements and settled disagreements, and the cases that count against us.
 
 use niwaki_core::{Hit, Ray};
-use niwaki_exact::Verdict;
+use niwaki_exact::{Side, Verdict};
 use serde::Serialize;
 
 /// What a comparison of many answers came to.
@@ -14,6 +14,10 @@ pub(crate) struct Tally {
     /// One of the two lost or gained a hit within a few units in the last place of a border, or
     /// exactly at an end of the ray's range.
     pub(crate) rounding: u64,
+    /// Of `rounding`: where exact arithmetic contradicts us alone.
+    pub(crate) ours_rounded: u64,
+    /// Of `rounding`: where exact arithmetic contradicts the other alone.
+    pub(crate) peer_rounded: u64,
     /// The exact answer contradicts the peer.
     pub(crate) peer_wrong: u64,
     /// The exact answer contradicts us.
@@ -21,9 +25,14 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts one comparison.
-    pub(crate) fn add(&mut self, verdict: Verdict) {
+    /// Counts one comparison; `side` is who rounded.
+    pub(crate) fn add(&mut self, (verdict, side): (Verdict, Option<Side>)) {
         self.rays += 1;
+        match side {
+            Some(Side::Ours) => self.ours_rounded += 1,
+            Some(Side::Theirs) => self.peer_rounded += 1,
+            None => {}
+        }
         match verdict {
             Verdict::Tie => self.tie += 1,
             Verdict::Rounding => self.rounding += 1,
@@ -39,6 +48,8 @@ impl Tally {
             rays: self.rays + other.rays,
             tie: self.tie + other.tie,
             rounding: self.rounding + other.rounding,
+            ours_rounded: self.ours_rounded + other.ours_rounded,
+            peer_rounded: self.peer_rounded + other.peer_rounded,
             peer_wrong: self.peer_wrong + other.peer_wrong,
             ours_wrong: self.ours_wrong + other.ours_wrong,
         }
@@ -147,7 +158,8 @@ pub(crate) struct TreeRow {
     /// With C_I = 2, C_L = 0, C_T = 1.
     pub(crate) sah: f64,
     pub(crate) valid: bool,
-    /// Equal bytes on 1, 2, 3 and 8 threads; `None` where that is not asked (peers).
+    /// Equal bytes on 1, 2, 3 and 8 threads, of the tree and of the 8-wide tree collapsed from it;
+    /// `None` where that is not asked (peers).
     pub(crate) deterministic: Option<bool>,
 }
 
@@ -158,13 +170,23 @@ mod tests {
     #[test]
     fn tallies_count_and_merge() {
         let mut a = Tally::default();
-        a.add(Verdict::Agree);
-        a.add(Verdict::Tie);
+        a.add((Verdict::Agree, None));
+        a.add((Verdict::Tie, None));
+        a.add((Verdict::Rounding, Some(Side::Ours)));
         let mut b = Tally::default();
-        b.add(Verdict::OursWrong);
-        b.add(Verdict::PeerWrong);
-        b.add(Verdict::Rounding);
-        let sum = a.merge(b);
-        assert_eq!(sum, Tally { rays: 5, tie: 1, rounding: 1, peer_wrong: 1, ours_wrong: 1 });
+        b.add((Verdict::OursWrong, None));
+        b.add((Verdict::PeerWrong, None));
+        b.add((Verdict::Rounding, None));
+        b.add((Verdict::Rounding, Some(Side::Theirs)));
+        let expected = Tally {
+            rays: 7,
+            tie: 1,
+            rounding: 3,
+            ours_rounded: 1,
+            peer_rounded: 1,
+            peer_wrong: 1,
+            ours_wrong: 1,
+        };
+        assert_eq!(a.merge(b), expected);
     }
 }

@@ -56,12 +56,15 @@ fn answers(ledger: &Ledger) -> Table {
             "rays",
             "tie",
             "rounding",
+            "by us",
+            "by peer",
             "peer wrong",
             "ours wrong",
         ],
     );
     for ((place, kernel, against, query), t) in sums {
-        let counts = [t.rays, t.tie, t.rounding, t.peer_wrong, t.ours_wrong];
+        let counts =
+            [t.rays, t.tie, t.rounding, t.ours_rounded, t.peer_rounded, t.peer_wrong, t.ours_wrong];
         let words = [order[place], kernel, against, query].map(Into::into);
         table.push(words.into_iter().chain(counts.map(|n| (n as f64).into())).collect());
     }

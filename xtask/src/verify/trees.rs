@@ -4,6 +4,7 @@ use super::ledger::{Culprit, Ledger, TreeRow};
 use anyhow::Context;
 use niwaki_core::{Builder, Bvh, SahConstants, TriangleMesh};
 use niwaki_metrics::{ValidateOptions, sah, validate_with};
+use niwaki_wide::{Bvh8, CollapseSettings, Node8};
 use rayon::ThreadPoolBuilder;
 
 /// Numbers of threads on which every builder has to give the same bytes.
@@ -17,17 +18,26 @@ pub(crate) fn build_and_check(
     builder: &dyn Builder,
     ledger: &mut Ledger,
 ) -> anyhow::Result<Option<Bvh>> {
-    let mut first: Option<Bvh> = None;
+    let mut first: Option<(Bvh, Bvh8)> = None;
     let mut deterministic = true;
     for threads in THREADS {
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .with_context(|| format!("cannot start {threads} threads"))?;
-        match (pool.install(|| builder.build_mesh(mesh)), &first) {
-            (Ok(bvh), None) => first = Some(bvh),
-            (Ok(bvh), Some(expected)) => deterministic &= same_bytes(&bvh, expected),
-            (Err(error), _) => {
+        let built = pool.install(|| -> anyhow::Result<_> {
+            let bvh = builder.build_mesh(mesh)?;
+            let wide = Bvh8::collapse(&bvh, &CollapseSettings::default())?;
+            Ok((bvh, wide))
+        });
+        match built {
+            Ok((bvh, wide)) => match &first {
+                None => first = Some((bvh, wide)),
+                Some(expected) => {
+                    deterministic &= same_bytes(&bvh, &expected.0) && same_wide(&wide, &expected.1);
+                }
+            },
+            Err(error) => {
                 ledger.culprits.push(culprit(scene, builder.name(), "build", error.to_string()));
                 return Ok(None);
             }
@@ -37,7 +47,7 @@ pub(crate) fn build_and_check(
         let what = format!("trees differ between {THREADS:?} threads");
         ledger.culprits.push(culprit(scene, builder.name(), "determinism", what));
     }
-    let Some(bvh) = first else { return Ok(None) };
+    let Some((bvh, _)) = first else { return Ok(None) };
     let exact = ValidateOptions::default();
     record(scene, mesh, "niwaki", builder.name(), &bvh, Some(deterministic), &exact, ledger);
     Ok(Some(bvh))
@@ -86,6 +96,15 @@ fn record(
         valid: violations.is_empty(),
         deterministic,
     });
+}
+
+/// As [`same_bytes`].
+fn same_wide(a: &Bvh8, b: &Bvh8) -> bool {
+    a == b
+        && a.nodes().iter().zip(b.nodes()).all(|(a, b)| {
+            let bits = |n: &Node8| n.bounds.map(|row| row.map(f32::to_bits));
+            bits(a) == bits(b)
+        })
 }
 
 /// Equality of bytes: unlike `==`, −0.0 and 0.0 differ and a NaN equals itself.
