@@ -182,7 +182,7 @@ macro_rules! define_traversal {
         /// # Safety
         /// The processor must have the instructions, and the scene nodes.
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn closest(scene: &Layout, setup: &RaySetup) -> Hit {
+        pub(crate) unsafe fn closest(scene: &Layout<8>, setup: &RaySetup) -> Hit {
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -291,7 +291,7 @@ macro_rules! define_traversal {
         /// # Safety
         /// As for [`closest`].
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn any(scene: &Layout, setup: &RaySetup) -> bool {
+        pub(crate) unsafe fn any(scene: &Layout<8>, setup: &RaySetup) -> bool {
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();

@@ -1,7 +1,9 @@
 //! The collapsed tree against the binary one it came from.
 
 use niwaki_core::{Aabb, Bvh, BvhNode, glam::Vec3, to_u32};
-use niwaki_wide::{Bvh8, Child, CollapseError, CollapseSettings};
+use niwaki_wide::{
+    Bvh8, Child, CollapseError, CollapseMethod, CollapseSettings, WideBvh, WideCosts,
+};
 use proptest::prelude::*;
 
 /// A random binary tree over `leaves` unit boxes along x: `choice` decides where ranges split.
@@ -39,8 +41,8 @@ fn random_tree(leaf_sizes: &[u32], mut choice: u64) -> Bvh {
     Bvh { nodes, prim_ids: (0..prims).rev().collect() }
 }
 
-/// Checks everything that [`Bvh8`] promises.
-fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
+/// Checks everything that [`WideBvh`] promises.
+fn check<const W: usize>(bvh: &Bvh, wide: &WideBvh<W>, settings: &CollapseSettings) {
     let mut leaf_box = vec![Aabb::EMPTY; bvh.prim_ids.len()];
     for node in bvh.nodes.iter().filter(|node| node.is_leaf()) {
         for &id in bvh.leaf_prims(node) {
@@ -56,9 +58,9 @@ fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
     let mut next_prim = 0;
     let mut inside = vec![wide.bounds(); wide.nodes().len()];
     for (i, node) in wide.nodes().iter().enumerate() {
-        assert!(node.used >= 1 && node.used <= 8);
+        assert!(node.used >= 1 && node.used as usize <= W);
         assert_eq!(node.first_prim, next_prim);
-        for slot in 0..8 {
+        for slot in 0..W {
             let bounds = node.aabb(slot);
             let Some(child) = node.child(slot) else {
                 assert_eq!(bounds, Aabb::EMPTY);
@@ -73,7 +75,7 @@ fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
                 }
                 Child::Leaf { first, count } => {
                     assert_eq!(first, next_prim, "leaves follow each other");
-                    assert!(count >= 1 && count as usize <= settings.max_leaf);
+                    assert!(count >= 1 && count as usize <= settings.max_leaf.min(W));
                     next_prim += count;
                     for &id in wide.leaf_prims(first, count) {
                         assert!(bounds.contains(&leaf_box[id as usize]));
@@ -86,6 +88,23 @@ fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
     assert!(parents.iter().skip(1).all(|&n| n == 1));
 }
 
+/// Collapses to every width by both methods, and checks that the optimal one costs least.
+fn all_widths(bvh: &Bvh, settings: &CollapseSettings) {
+    fn width<const W: usize>(bvh: &Bvh, settings: &CollapseSettings) {
+        let cost = |method| {
+            let settings = CollapseSettings { method, ..*settings };
+            let wide = WideBvh::<W>::collapse(bvh, &settings).unwrap();
+            check(bvh, &wide, &settings);
+            wide.cost(&settings.costs)
+        };
+        let (greedy, optimal) = (cost(CollapseMethod::Greedy), cost(CollapseMethod::Optimal));
+        assert!(optimal <= greedy * (1.0 + 1e-4), "{W}: {optimal} > {greedy}");
+    }
+    width::<4>(bvh, settings);
+    width::<8>(bvh, settings);
+    width::<16>(bvh, settings);
+}
+
 proptest! {
     #[test]
     fn collapse_keeps_the_tree(
@@ -94,13 +113,13 @@ proptest! {
             1..200,
         ),
         choice: u64,
-        max_leaf in 1_usize..=8,
-        reference_cost in 0.0_f32..2.0,
+        max_leaf in 1_usize..=20,
+        node in 0.0_f32..2.0,
+        reference in 0.0_f32..2.0,
     ) {
         let bvh = random_tree(&leaf_sizes, choice);
-        let settings = CollapseSettings { max_leaf, reference_cost };
-        let wide = Bvh8::collapse(&bvh, &settings).unwrap();
-        check(&bvh, &wide, &settings);
+        let costs = WideCosts { node, leaf: 1.0, reference };
+        all_widths(&bvh, &CollapseSettings { max_leaf, costs, ..CollapseSettings::default() });
     }
 }
 
@@ -151,11 +170,12 @@ fn chains_do_not_overflow_the_stack() {
 #[test]
 fn settings_out_of_range_are_refused() {
     let bvh = random_tree(&[1, 1], 0);
+    let costs = |costs| CollapseSettings { costs, ..CollapseSettings::default() };
     for settings in [
         CollapseSettings { max_leaf: 0, ..CollapseSettings::default() },
-        CollapseSettings { max_leaf: 9, ..CollapseSettings::default() },
-        CollapseSettings { reference_cost: -1.0, ..CollapseSettings::default() },
-        CollapseSettings { reference_cost: f32::NAN, ..CollapseSettings::default() },
+        costs(WideCosts { node: -1.0, ..WideCosts::default() }),
+        costs(WideCosts { leaf: f32::INFINITY, ..WideCosts::default() }),
+        costs(WideCosts { reference: f32::NAN, ..WideCosts::default() }),
     ] {
         let error = Bvh8::collapse(&bvh, &settings).unwrap_err();
         assert!(matches!(error, CollapseError::BadSetting { .. }), "{error}");
