@@ -1,11 +1,11 @@
 //! The wide tree with its triangles.
 
-use crate::{
-    Counts, Kernel, SceneError, counts::Counter, scalar, scale::SceneScale, setup::RaySetup,
-    triangle::EdgeTriangle,
-};
 #[cfg(target_arch = "x86_64")]
-use crate::{avx2, avx512};
+use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
+use crate::{
+    Counts, Kernel, SceneError, counts::Counter, kernels::scalar, scale::SceneScale,
+    setup::RaySetup, triangle::EdgeTriangle,
+};
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
 use niwaki_wide::{Bvh8, Child, CollapseSettings, WideBvh, WideNode, prefer_large_pages};
 use rayon::prelude::*;
@@ -200,55 +200,44 @@ fn fill<const W: usize>(
     Ok(())
 }
 
-impl Intersector for WideScene {
-    fn closest_hit(&self, ray: &Ray) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
-        if self.layout.nodes.is_empty() {
-            return Hit::MISS;
-        }
-        let hit = match self.kernel {
-            // SAFETY: `with_kernel` and `build_from` take available kernels only.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::closest(&self.layout, &setup) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::closest(&self.layout, &setup) },
-            _ => scalar::trace::<8, false, _>(&self.layout, &setup, &mut ()),
-        };
-        setup.finish(hit)
-    }
-
-    fn any_hit(&self, ray: &Ray) -> bool {
-        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
-        if self.layout.nodes.is_empty() {
-            return false;
-        }
-        match self.kernel {
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::any(&self.layout, &setup) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::any(&self.layout, &setup) },
-            _ => scalar::trace::<8, true, _>(&self.layout, &setup, &mut ()).is_hit(),
-        }
-    }
-}
-
-/// Widths that only the scalar kernel traces.
-macro_rules! trace_scalar {
-    ($width:literal) => {
+/// Answers rays by the kernels of one width.
+macro_rules! intersector {
+    ($width:literal, $($kernel:ident => $module:ident),+) => {
         impl Intersector for WideScene<$width> {
             fn closest_hit(&self, ray: &Ray) -> Hit {
-                self.trace_scalar::<false, _>(ray, &mut ())
+                let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
+                if self.layout.nodes.is_empty() {
+                    return Hit::MISS;
+                }
+                let hit = match self.kernel {
+                    $(
+                        // SAFETY: `with_kernel` and `build_from` take available kernels only.
+                        #[cfg(target_arch = "x86_64")]
+                        Kernel::$kernel => unsafe { $module::closest(&self.layout, &setup) },
+                    )+
+                    _ => scalar::trace::<$width, false, _>(&self.layout, &setup, &mut ()),
+                };
+                setup.finish(hit)
             }
 
             fn any_hit(&self, ray: &Ray) -> bool {
-                self.trace_scalar::<true, _>(ray, &mut ()).is_hit()
+                let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
+                if self.layout.nodes.is_empty() {
+                    return false;
+                }
+                match self.kernel {
+                    $(
+                        // SAFETY: as above.
+                        #[cfg(target_arch = "x86_64")]
+                        Kernel::$kernel => unsafe { $module::any(&self.layout, &setup) },
+                    )+
+                    _ => scalar::trace::<$width, true, _>(&self.layout, &setup, &mut ()).is_hit(),
+                }
             }
         }
     };
 }
 
-trace_scalar!(4);
-trace_scalar!(16);
+intersector!(4, Avx2 => avx2_4);
+intersector!(8, Avx512 => avx512, Avx2 => avx2);
+intersector!(16, Avx512 => avx512_16);
