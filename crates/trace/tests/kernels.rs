@@ -19,7 +19,7 @@ fn kernels(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Intersector
         let scene = wide.clone().with_kernel(kernel).unwrap();
         all.push((kernel.to_string(), Box::new(scene)));
     }
-    for settings in [CollapseSettings::default(), CollapseSettings::optimal()] {
+    for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
         add_width::<4>(&bvh, mesh, &settings, &mut all);
         add_width::<16>(&bvh, mesh, &settings, &mut all);
     }

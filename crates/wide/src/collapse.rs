@@ -80,9 +80,11 @@ impl<const W: usize> WideBvh<W> {
             settings: *settings,
             max_leaf: settings.max_leaf.min(Self::MAX_LEAF),
             scale: AreaScale::of(&bvh.bounds()),
+            least_weight: 0.0,
             least_costs: Vec::new(),
         };
         if settings.method == CollapseMethod::Optimal {
+            collapse.least_weight = collapse.find_least_weight();
             collapse.least_costs = collapse.least_costs();
         }
         collapse.run()
@@ -97,6 +99,8 @@ pub(crate) struct Collapse<'a, const W: usize> {
     /// The most references of a leaf of this width.
     pub(crate) max_leaf: usize,
     scale: AreaScale,
+    /// For [`CollapseMethod::Optimal`]: what every visit weighs at least.
+    pub(crate) least_weight: f32,
     /// For [`CollapseMethod::Optimal`], one a binary node.
     least_costs: Vec<Costs<W>>,
 }
