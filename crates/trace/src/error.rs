@@ -19,8 +19,8 @@ pub enum SceneError {
     /// The binary tree is not well formed or too large. Remedy: as the cause says.
     #[error(transparent)]
     Collapse(#[from] CollapseError),
-    /// This processor lacks the instructions of the kernel. Remedy: choose one of
-    /// [`Kernel::available`].
-    #[error("this processor cannot run the {0} kernel")]
+    /// This processor lacks the instructions of the kernel, or there is none for the width of the
+    /// tree. Remedy: choose one of [`crate::WideScene::kernels`].
+    #[error("the {0} kernel does not trace this width, or this processor cannot run it")]
     KernelUnavailable(Kernel),
 }

@@ -8,9 +8,9 @@ use std::fmt;
 pub enum Kernel {
     /// Plain Rust: the reference, on every processor.
     Scalar,
-    /// x86-64 with AVX2 and FMA (Haswell, Zen and later): 256-bit vectors.
+    /// x86-64 with AVX2 and FMA (Haswell, Zen and later): vectors of up to 256 bits.
     Avx2,
-    /// x86-64 with AVX-512 F, VL and DQ (Skylake-X, Zen 4 and later): 256-bit vectors, masks.
+    /// x86-64 with AVX-512 F, VL and DQ (Skylake-X, Zen 4 and later): masks, vectors as wide as the tree.
     Avx512,
 }
 
@@ -34,6 +34,17 @@ impl Kernel {
             }
             #[cfg(not(target_arch = "x86_64"))]
             _ => false,
+        }
+    }
+
+    /// True if there is such a kernel for trees of this width: the scalar one traces all, AVX2
+    /// widths of 4 and 8, AVX-512 widths of 8 and 16.
+    #[must_use]
+    pub const fn traces(self, width: usize) -> bool {
+        match self {
+            Self::Scalar => true,
+            Self::Avx2 => matches!(width, 4 | 8),
+            Self::Avx512 => matches!(width, 8 | 16),
         }
     }
 

@@ -29,22 +29,14 @@
 //!
 //! There are no feature flags.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
 mod binary;
 mod brute;
 mod counts;
 mod error;
 mod kernel;
-mod scalar;
+mod kernels;
 mod scale;
 mod setup;
-#[cfg(target_arch = "x86_64")]
-mod simd;
-#[cfg(target_arch = "x86_64")]
-mod stack;
 mod triangle;
 mod wide;
 

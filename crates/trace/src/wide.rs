@@ -1,31 +1,34 @@
-//! The 8-wide tree with its triangles.
+//! The wide tree with its triangles.
 
-use crate::{
-    Counts, Kernel, SceneError, counts::Counter, scalar, scale::SceneScale, setup::RaySetup,
-    triangle::EdgeTriangle,
-};
 #[cfg(target_arch = "x86_64")]
-use crate::{avx2, avx512};
+use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
+use crate::{
+    Counts, Kernel, SceneError, counts::Counter, kernels::scalar, scale::SceneScale,
+    setup::RaySetup, triangle::EdgeTriangle,
+};
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh, memory::prefer_large_pages};
-use niwaki_wide::{Bvh8, Child, CollapseSettings, Node8};
+use niwaki_wide::{Bvh8, Child, CollapseSettings, WideBvh, WideNode};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// An 8-wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
-/// processor has unless [`WideScene::with_kernel`] chooses another.
+/// A wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
+/// processor has for its width unless [`WideScene::with_kernel`] chooses another.
+///
+/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide, which is the fastest in general; the others are
+/// for comparisons, and [`WideScene::build_from`] makes them.
 ///
 /// Owns a copy of all that it needs; clones share it.
 #[derive(Clone, Debug)]
-pub struct WideScene {
+pub struct WideScene<const W: usize = 8> {
     /// Shared by clones, so that one scene can be traced by several kernels.
-    layout: Arc<Layout>,
+    layout: Arc<Layout<W>>,
     kernel: Kernel,
 }
 
 /// What the kernels read.
 #[derive(Debug)]
-pub(crate) struct Layout {
-    pub(crate) nodes: Vec<Node8>,
+pub(crate) struct Layout<const W: usize> {
+    pub(crate) nodes: Vec<WideNode<W>>,
     /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z. A leaf
     /// whose first reference is `i` begins at word `9·i`. Whole vectors are read, so lanes past
     /// the n-th see other rows and leaves: nothing but coordinates is here, as ids would look
@@ -40,9 +43,6 @@ pub(crate) struct Layout {
 /// Words that a triangle takes in [`WideScene::triangles`].
 pub(crate) const WORDS: usize = 9;
 
-/// What vectors may read past the end of the last leaf.
-const PADDING: usize = 8;
-
 /// Nodes whose triangles are gathered at once; they fit into the first-level cache.
 const GATHER: usize = 32;
 
@@ -50,7 +50,7 @@ const GATHER: usize = 32;
 const NODE_CHUNK: usize = 512;
 
 impl WideScene {
-    /// Collapses a tree with default settings and lays its triangles out, on the current rayon
+    /// Collapses a tree to 8 wide nodes with default settings and lays its triangles out, on the current rayon
     /// pool. The result does not depend on the number of threads.
     ///
     /// # Errors
@@ -58,16 +58,19 @@ impl WideScene {
     pub fn new(bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
         Self::build_from(Bvh8::collapse(bvh, &CollapseSettings::default())?, mesh)
     }
+}
 
+impl<const W: usize> WideScene<W> {
     /// Lays the triangles of a collapsed tree out: the second half of [`WideScene::new`].
     ///
     /// # Errors
     /// [`SceneError::NoSuchTriangle`] if the tree is not of this mesh.
-    pub fn build_from(bvh: Bvh8, mesh: &TriangleMesh) -> Result<Self, SceneError> {
+    pub fn build_from(bvh: WideBvh<W>, mesh: &TriangleMesh) -> Result<Self, SceneError> {
         let scale = SceneScale::of(&bvh.bounds());
         let stack_bound = bvh.stack_bound();
         let (mut nodes, prim_ids) = bvh.into_parts();
-        let mut triangles = vec![0.0; WORDS * prim_ids.len() + PADDING];
+        // Vectors may read past the end of the last leaf.
+        let mut triangles = vec![0.0; WORDS * prim_ids.len() + W];
         prefer_large_pages(&triangles);
         // The leaves of consecutive nodes have consecutive references: one share of the words per
         // chunk of nodes.
@@ -92,7 +95,17 @@ impl WideScene {
             });
         }
         let layout = Arc::new(Layout { nodes, triangles, prim_ids, scale, stack_bound });
-        Ok(Self { layout, kernel: Kernel::best() })
+        let kernel = Self::kernels().pop().unwrap_or(Kernel::Scalar);
+        Ok(Self { layout, kernel })
+    }
+
+    /// The kernels for this width that the processor can run, slowest first; never empty.
+    #[must_use]
+    pub fn kernels() -> Vec<Kernel> {
+        Kernel::available()
+            .into_iter()
+            .filter(|kernel| W == 8 || *kernel == Kernel::Scalar)
+            .collect()
     }
 
     /// The same scene traced by another kernel.
@@ -100,7 +113,7 @@ impl WideScene {
     /// # Errors
     /// [`SceneError::KernelUnavailable`] if the processor cannot run it.
     pub fn with_kernel(self, kernel: Kernel) -> Result<Self, SceneError> {
-        if kernel.is_available() {
+        if Self::kernels().contains(&kernel) {
             Ok(Self { kernel, ..self })
         } else {
             Err(SceneError::KernelUnavailable(kernel))
@@ -116,7 +129,7 @@ impl WideScene {
     /// Bytes that nodes and triangles take.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of::<Node8>() * self.layout.nodes.len()
+        size_of::<WideNode<W>>() * self.layout.nodes.len()
             + size_of::<f32>() * (self.layout.triangles.len() + self.layout.prim_ids.len())
     }
 
@@ -141,14 +154,14 @@ impl WideScene {
         if self.layout.nodes.is_empty() {
             return Hit::MISS;
         }
-        setup.finish(scalar::trace::<ANY, C>(&self.layout, &setup, counter))
+        setup.finish(scalar::trace::<W, ANY, C>(&self.layout, &setup, counter))
     }
 }
 
 /// Fills the words of the leaves of consecutive nodes.
-fn fill(
+fn fill<const W: usize>(
     words: &mut [f32],
-    nodes: &[Node8],
+    nodes: &[WideNode<W>],
     prim_ids: &[u32],
     mesh: &TriangleMesh,
     scale: SceneScale,
@@ -169,7 +182,7 @@ fn fill(
             ids.iter().map(|&id| EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)))),
         );
         let mut triangles = gathered.as_slice();
-        for child in group.iter().flat_map(Node8::iter) {
+        for child in group.iter().flat_map(WideNode::iter) {
             let Child::Leaf { count, .. } = child else { continue };
             let n = count as usize;
             let (rows, after) = rest.split_at_mut(WORDS * n);
@@ -187,37 +200,44 @@ fn fill(
     Ok(())
 }
 
-impl Intersector for WideScene {
-    fn closest_hit(&self, ray: &Ray) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
-        if self.layout.nodes.is_empty() {
-            return Hit::MISS;
-        }
-        let hit = match self.kernel {
-            // SAFETY: `with_kernel` and `build_from` take available kernels only.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::closest(&self.layout, &setup) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::closest(&self.layout, &setup) },
-            _ => scalar::trace::<false, _>(&self.layout, &setup, &mut ()),
-        };
-        setup.finish(hit)
-    }
+/// Answers rays by the kernels of one width.
+macro_rules! intersector {
+    ($width:literal, $($kernel:ident => $module:ident),+) => {
+        impl Intersector for WideScene<$width> {
+            fn closest_hit(&self, ray: &Ray) -> Hit {
+                let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
+                if self.layout.nodes.is_empty() {
+                    return Hit::MISS;
+                }
+                let hit = match self.kernel {
+                    $(
+                        // SAFETY: `with_kernel` and `build_from` take available kernels only.
+                        #[cfg(target_arch = "x86_64")]
+                        Kernel::$kernel => unsafe { $module::closest(&self.layout, &setup) },
+                    )+
+                    _ => scalar::trace::<$width, false, _>(&self.layout, &setup, &mut ()),
+                };
+                setup.finish(hit)
+            }
 
-    fn any_hit(&self, ray: &Ray) -> bool {
-        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
-        if self.layout.nodes.is_empty() {
-            return false;
+            fn any_hit(&self, ray: &Ray) -> bool {
+                let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
+                if self.layout.nodes.is_empty() {
+                    return false;
+                }
+                match self.kernel {
+                    $(
+                        // SAFETY: as above.
+                        #[cfg(target_arch = "x86_64")]
+                        Kernel::$kernel => unsafe { $module::any(&self.layout, &setup) },
+                    )+
+                    _ => scalar::trace::<$width, true, _>(&self.layout, &setup, &mut ()).is_hit(),
+                }
+            }
         }
-        match self.kernel {
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { avx512::any(&self.layout, &setup) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { avx2::any(&self.layout, &setup) },
-            _ => scalar::trace::<true, _>(&self.layout, &setup, &mut ()).is_hit(),
-        }
-    }
+    };
 }
+
+intersector!(4, Avx2 => avx2_4);
+intersector!(8, Avx512 => avx512, Avx2 => avx2);
+intersector!(16, Avx512 => avx512_16);

@@ -2,11 +2,12 @@
 
 use fastrand::Rng;
 use niwaki_core::{
-    Hit, Intersector, Ray, Triangle, TriangleMesh, float::UNIT_ROUNDOFF, glam::Vec3,
+    Bvh, Hit, Intersector, Ray, Triangle, TriangleMesh, float::UNIT_ROUNDOFF, glam::Vec3,
 };
 use niwaki_exact::{Verdict, closest_in_mesh, settle, settle_any, t_error_bound};
 use niwaki_hard_cases::{self as hard, median_tree, soup_mesh};
 use niwaki_trace::{BinaryScene, Kernel, WideScene, brute_force};
+use niwaki_wide::{CollapseSettings, WideBvh};
 
 /// All kernels over a mesh, by name.
 fn kernels(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Intersector>)> {
@@ -18,7 +19,28 @@ fn kernels(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Intersector
         let scene = wide.clone().with_kernel(kernel).unwrap();
         all.push((kernel.to_string(), Box::new(scene)));
     }
+    for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
+        add_width::<4>(&bvh, mesh, &settings, &mut all);
+        add_width::<16>(&bvh, mesh, &settings, &mut all);
+    }
     all
+}
+
+/// The kernels for a width.
+fn add_width<const W: usize>(
+    bvh: &Bvh,
+    mesh: &TriangleMesh,
+    settings: &CollapseSettings,
+    all: &mut Vec<(String, Box<dyn Intersector>)>,
+) where
+    WideScene<W>: Intersector + 'static,
+{
+    let wide = WideBvh::<W>::collapse(bvh, settings).unwrap();
+    let scene = WideScene::build_from(wide, mesh).unwrap();
+    for kernel in WideScene::<W>::kernels() {
+        let name = format!("{kernel}, {W} wide, {:?}", settings.method);
+        all.push((name, Box::new(scene.clone().with_kernel(kernel).unwrap())));
+    }
 }
 
 fn bits(hit: &Hit) -> [u32; 4] {

@@ -5,7 +5,7 @@ use niwaki_core::{
 };
 use niwaki_hard_cases::median_tree;
 use niwaki_trace::{BinaryScene, Counts, Kernel, SceneError, WideScene};
-use niwaki_wide::CollapseError;
+use niwaki_wide::{Bvh4, Bvh16, CollapseError, CollapseSettings};
 
 /// Unit right triangles in planes of constant z, one per unit.
 fn stack_of(count: usize) -> TriangleMesh {
@@ -78,6 +78,15 @@ fn chains_of_any_depth_are_traced() {
         for kernel in Kernel::available() {
             check(&wide.clone().with_kernel(kernel).unwrap());
         }
+        let optimal = CollapseSettings::optimal();
+        let narrow = WideScene::build_from(Bvh4::collapse(&bvh, &optimal).unwrap(), &mesh).unwrap();
+        for kernel in WideScene::<4>::kernels() {
+            check(&narrow.clone().with_kernel(kernel).unwrap());
+        }
+        let wider = WideScene::build_from(Bvh16::collapse(&bvh, &optimal).unwrap(), &mesh).unwrap();
+        for kernel in WideScene::<16>::kernels() {
+            check(&wider.clone().with_kernel(kernel).unwrap());
+        }
     }
 }
 
@@ -149,6 +158,12 @@ fn missing_instructions_are_an_error() {
         let chosen = scene.clone().with_kernel(kernel);
         assert_eq!(chosen.is_ok(), Kernel::available().contains(&kernel));
     }
+    // No kernel is offered for a width that it does not trace.
+    let bvh = Bvh16::collapse(&Bvh::default(), &CollapseSettings::default()).unwrap();
+    let scene = WideScene::build_from(bvh, &TriangleMesh::default()).unwrap();
+    assert!(WideScene::<16>::kernels().contains(&scene.kernel()));
+    let refused = scene.with_kernel(Kernel::Avx2).unwrap_err();
+    assert_eq!(refused, SceneError::KernelUnavailable(Kernel::Avx2));
 }
 
 #[test]

@@ -1,52 +1,50 @@
-//! Greedy collapse of a binary tree.
+//! Collapse of a binary tree, whichever way the children of a wide node are chosen.
 
 use crate::{
-    Bvh8, Child, CollapseError, Node8,
-    counts::{MANY, subtree_counts},
+    Bvh16, Child, CollapseError, CollapseMethod, CollapseSettings, WideBvh, WideNode,
+    bottom_up::{MANY, subtree_counts},
+    optimal::Costs,
 };
-use niwaki_core::{AreaScale, Bvh, BvhNode, memory::prefer_large_pages, to_u32};
+use niwaki_core::{AreaScale, Bvh, memory::prefer_large_pages, to_u32};
 use rayon::prelude::*;
-
-/// Settings of [`Bvh8::collapse`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CollapseSettings {
-    /// The most references of a leaf: 1 to 8. Default 8.
-    pub max_leaf: usize,
-    /// What a leaf's visit costs for each of its references, as a share of what the visit costs
-    /// without them: at least 0. A subtree that fits into one leaf is opened all the same, while
-    /// slots last, if that lowers the expected cost Σ area · (1 + this · references). Default
-    /// 0.5: vectors make triangles cheap, but a leaf of eight is five cache lines and one of two
-    /// is one or two.
-    pub reference_cost: f32,
-}
-
-impl Default for CollapseSettings {
-    fn default() -> Self {
-        Self { max_leaf: Bvh8::MAX_LEAF, reference_cost: 0.5 }
-    }
-}
 
 /// What becomes a slot of a wide node.
 #[derive(Clone, Copy, Default)]
-struct Item {
+pub(crate) struct Item {
     /// A node of the binary tree.
-    node: u32,
+    pub(crate) node: u32,
     /// Where `count > 0`, only this part of a leaf too large for one slot.
-    first: u32,
-    count: u32,
+    pub(crate) first: u32,
+    pub(crate) count: u32,
     /// References below: those of `count` where that is set, saturated at [`MANY`] otherwise.
-    refs: u32,
+    pub(crate) refs: u32,
+    /// Becomes a leaf, not a node.
+    pub(crate) is_leaf: bool,
 }
 
 /// The chosen children of one wide node.
-#[derive(Clone, Copy, Default)]
-struct Slots {
-    items: [Item; 8],
-    used: usize,
+#[derive(Clone, Copy)]
+pub(crate) struct Slots<const W: usize> {
+    pub(crate) items: [Item; W],
+    pub(crate) used: usize,
     /// How many are nodes, not leaves.
     inner: usize,
     /// References of those that are leaves.
     prims: usize,
+}
+
+impl<const W: usize> Default for Slots<W> {
+    fn default() -> Self {
+        Self { items: [Item::default(); W], used: 0, inner: 0, prims: 0 }
+    }
+}
+
+impl<const W: usize> Slots<W> {
+    /// Takes the next slot; there must be one.
+    pub(crate) fn push(&mut self, item: Item) {
+        self.items[self.used] = item;
+        self.used += 1;
+    }
 }
 
 /// Wide nodes that one task chooses children for.
@@ -54,30 +52,18 @@ const GRAIN: usize = 128;
 /// Tasks in flight per thread between two rounds of handing out places.
 const TASKS_PER_THREAD: usize = 8;
 
-impl Bvh8 {
-    /// Collapses a binary tree on the current rayon pool: the child with the largest surface area
-    /// is opened until a node has eight. The result does not depend on the number of threads.
+impl<const W: usize> WideBvh<W> {
+    /// Collapses a binary tree on the current rayon pool: which nodes of it become the children of
+    /// a wide node, [`CollapseSettings::method`] says. The result does not depend on the number of
+    /// threads.
     ///
-    /// Leaves with more references than [`CollapseSettings::max_leaf`] are divided evenly among
-    /// nodes with equal boxes.
+    /// Leaves with more references than a wide tree's may hold are divided evenly among nodes with
+    /// equal boxes.
     ///
     /// # Errors
     /// [`CollapseError`]: a malformed tree, too many references, or a setting out of range.
     pub fn collapse(bvh: &Bvh, settings: &CollapseSettings) -> Result<Self, CollapseError> {
-        if !(1..=Self::MAX_LEAF).contains(&settings.max_leaf) {
-            return Err(CollapseError::BadSetting {
-                setting: "max_leaf",
-                value: settings.max_leaf.to_string(),
-                remedy: "give 1 to 8",
-            });
-        }
-        if !(settings.reference_cost >= 0.0 && settings.reference_cost.is_finite()) {
-            return Err(CollapseError::BadSetting {
-                setting: "reference_cost",
-                value: settings.reference_cost.to_string(),
-                remedy: "give a finite number of at least 0",
-            });
-        }
+        settings.check()?;
         if bvh.prim_ids.len() > Self::MAX_REFERENCES {
             return Err(CollapseError::TooManyReferences {
                 count: bvh.prim_ids.len(),
@@ -87,29 +73,43 @@ impl Bvh8 {
         if bvh.nodes.is_empty() {
             return Ok(Self::default());
         }
-        let collapse = Collapse {
+        let mut collapse = Collapse {
             bvh,
             counts: subtree_counts(&bvh.nodes),
             settings: *settings,
+            max_leaf: settings.max_leaf.min(Self::MAX_LEAF),
             scale: AreaScale::of(&bvh.bounds()),
+            least_weight: 0.0,
+            least_costs: Vec::new(),
         };
+        if settings.method == CollapseMethod::Optimal {
+            collapse.least_weight = collapse.find_least_weight();
+            collapse.least_costs = collapse.least_costs();
+        }
         collapse.run()
     }
 }
 
-struct Collapse<'a> {
-    bvh: &'a Bvh,
-    counts: Vec<u8>,
-    settings: CollapseSettings,
+pub(crate) struct Collapse<'a, const W: usize> {
+    pub(crate) bvh: &'a Bvh,
+    /// References below each node, saturated.
+    pub(crate) counts: Vec<u8>,
+    pub(crate) settings: CollapseSettings,
+    /// The most references of a leaf of this width.
+    pub(crate) max_leaf: usize,
     scale: AreaScale,
+    /// For [`CollapseMethod::Optimal`]: what every visit weighs at least.
+    pub(crate) least_weight: f32,
+    /// For [`CollapseMethod::Optimal`], one a binary node.
+    least_costs: Vec<Costs<W>>,
 }
 
-impl Collapse<'_> {
-    fn run(&self) -> Result<Bvh8, CollapseError> {
+impl<const W: usize> Collapse<'_, W> {
+    fn run(&self) -> Result<WideBvh<W>, CollapseError> {
         // Room for twice the nodes that are usual.
         let mut nodes = Vec::with_capacity(self.bvh.nodes.len() / 6 + 1);
         prefer_large_pages(nodes.spare_capacity_mut());
-        let mut result = Bvh8 {
+        let mut result = WideBvh {
             nodes,
             prim_ids: Vec::with_capacity(self.bvh.prim_ids.len()),
             bounds: Some(self.bvh.bounds()),
@@ -119,7 +119,7 @@ impl Collapse<'_> {
         let round = if threads == 1 { GRAIN } else { GRAIN * threads * TASKS_PER_THREAD };
         let mut level = vec![self.item(0)?];
         let mut next = Vec::new();
-        let mut slots: Vec<Slots> = Vec::with_capacity(round);
+        let mut slots: Vec<Slots<W>> = Vec::with_capacity(round);
         while !level.is_empty() {
             result.levels += 1;
             // The next level starts where this one ends.
@@ -139,25 +139,27 @@ impl Collapse<'_> {
         Ok(result)
     }
 
-    fn item(&self, node: usize) -> Result<Item, CollapseError> {
+    /// The item for a node, a leaf if it fits into one.
+    pub(crate) fn item(&self, node: usize) -> Result<Item, CollapseError> {
         let refs = u32::from(*self.counts.get(node).ok_or_else(|| self.malformed(node))?);
-        Ok(Item { node: to_u32(node), first: 0, count: 0, refs })
+        Ok(Item { node: to_u32(node), first: 0, count: 0, refs, is_leaf: self.fits(node) })
     }
 
     fn malformed(&self, node: usize) -> CollapseError {
         CollapseError::Malformed { node, nodes: self.bvh.nodes.len() }
     }
 
-    fn fits(&self, item: &Item) -> bool {
-        item.refs as usize <= self.settings.max_leaf
+    /// True if all references below a node fit into one leaf.
+    pub(crate) fn fits(&self, node: usize) -> bool {
+        usize::from(self.counts[node]) <= self.max_leaf
     }
 
-    fn area(&self, node: &BvhNode) -> f32 {
-        node.aabb().half_area(self.scale)
+    pub(crate) fn area(&self, node: usize) -> f32 {
+        self.bvh.nodes[node].aabb().half_area(self.scale)
     }
 
     /// The checked children of an inner node.
-    fn children(&self, node: usize) -> Result<[usize; 2], CollapseError> {
+    pub(crate) fn children(&self, node: usize) -> Result<[usize; 2], CollapseError> {
         let first = self.bvh.nodes[node].first as usize;
         if first > node && first + 1 < self.bvh.nodes.len() {
             Ok([first, first + 1])
@@ -166,57 +168,17 @@ impl Collapse<'_> {
         }
     }
 
-    /// What is gained by opening an item where it stands; not positive if it should stay.
-    fn gain(&self, item: &Item) -> Result<f32, CollapseError> {
-        let node = &self.bvh.nodes[item.node as usize];
-        if node.is_leaf() {
-            return Ok(0.0);
-        }
-        let area = self.area(node);
-        if !self.fits(item) {
-            // Opened by area alone; a degenerate box still has to be opened some time.
-            return Ok(area.max(f32::MIN_POSITIVE));
-        }
-        let cost = |area: f32, refs: u32| area * (1.0 + self.settings.reference_cost * refs as f32);
-        let mut gain = cost(area, item.refs);
-        for child in self.children(item.node as usize)? {
-            gain -= cost(self.area(&self.bvh.nodes[child]), u32::from(self.counts[child]));
-        }
-        // Areas beyond f32 give NaN: no gain.
-        Ok(gain.max(0.0))
-    }
-
-    /// Chooses up to eight children for the wide node that stands for `root`.
-    fn choose(&self, root: Item) -> Result<Slots, CollapseError> {
-        let mut slots = Slots::default();
-        let mut gains = [0.0_f32; 8];
-        let root_node = &self.bvh.nodes[root.node as usize];
-        if root_node.is_leaf() {
-            self.divide_leaf(root, root_node, &mut slots)?;
+    /// Chooses up to `W` children for the wide node that stands for `root`.
+    fn choose(&self, root: Item) -> Result<Slots<W>, CollapseError> {
+        let mut slots = if self.bvh.nodes[root.node as usize].is_leaf() {
+            self.divide_leaf(root)?
+        } else if self.settings.method == CollapseMethod::Optimal {
+            self.choose_optimally(root, &self.least_costs)?
         } else {
-            slots.items[0] = root;
-            slots.used = 1;
-            gains[0] = f32::INFINITY;
-            while slots.used < 8 {
-                let mut best = 0;
-                for i in 1..slots.used {
-                    if gains[i] > gains[best] {
-                        best = i;
-                    }
-                }
-                if gains[best] <= 0.0 {
-                    break;
-                }
-                let [a, b] = self.children(slots.items[best].node as usize)?;
-                slots.items[best] = self.item(a)?;
-                slots.items[slots.used] = self.item(b)?;
-                gains[best] = self.gain(&slots.items[best])?;
-                gains[slots.used] = self.gain(&slots.items[slots.used])?;
-                slots.used += 1;
-            }
-        }
+            self.choose_greedily(root)?
+        };
         for item in &slots.items[..slots.used] {
-            if self.fits(item) {
+            if item.is_leaf {
                 slots.prims += item.refs as usize;
             } else {
                 slots.inner += 1;
@@ -226,34 +188,35 @@ impl Collapse<'_> {
     }
 
     /// Shares a leaf, or a part of one, evenly among the slots.
-    fn divide_leaf(
-        &self,
-        item: Item,
-        node: &BvhNode,
-        slots: &mut Slots,
-    ) -> Result<(), CollapseError> {
+    fn divide_leaf(&self, item: Item) -> Result<Slots<W>, CollapseError> {
+        let node = &self.bvh.nodes[item.node as usize];
         let (first, count) =
             if item.count > 0 { (item.first, item.count) } else { (node.first, node.count) };
         if (first as usize).saturating_add(count as usize) > self.bvh.prim_ids.len() {
             return Err(self.malformed(item.node as usize));
         }
-        let parts = count.div_ceil(to_u32(self.settings.max_leaf)).min(8);
+        let parts = count.div_ceil(to_u32(self.max_leaf)).min(to_u32(W));
+        let (whole, rest) = (count / parts, count % parts);
+        let start = |part: u32| whole * part + rest.min(part);
+        let mut slots = Slots::default();
         for part in 0..parts {
-            let (whole, rest) = (count / parts, count % parts);
-            let split = |i: u32| whole * i + rest.min(i);
-            let count = split(part + 1) - split(part);
-            slots.items[part as usize] =
-                Item { node: item.node, first: first + split(part), count, refs: count };
+            let count = start(part + 1) - start(part);
+            slots.push(Item {
+                node: item.node,
+                first: first + start(part),
+                count,
+                refs: count,
+                is_leaf: count as usize <= self.max_leaf,
+            });
         }
-        slots.used = parts as usize;
-        Ok(())
+        Ok(slots)
     }
 
     /// Appends the nodes of `slots`, their references and the next level's items, in order.
     fn place(
         &self,
-        slots: &[Slots],
-        result: &mut Bvh8,
+        slots: &[Slots<W>],
+        result: &mut WideBvh<W>,
         next: &mut Vec<Item>,
         next_node: &mut usize,
     ) -> Result<(), CollapseError> {
@@ -272,7 +235,7 @@ impl Collapse<'_> {
         let node_base = result.nodes.len();
         let prim_base = result.prim_ids.len();
         let next_base = next.len();
-        result.nodes.resize(node_base + slots.len(), Node8::empty(0));
+        result.nodes.resize(node_base + slots.len(), WideNode::empty(0));
         result.prim_ids.resize(prim_base + prims, 0);
         next.resize(next_base + inner, Item::default());
         // One task's share of each array.
@@ -307,15 +270,15 @@ impl Collapse<'_> {
         tasks.into_par_iter().try_for_each(|task| self.emit(task))
     }
 
-    fn emit(&self, share: Share<'_>) -> Result<(), CollapseError> {
+    fn emit(&self, share: Share<'_, W>) -> Result<(), CollapseError> {
         let mut prim = 0;
         let mut inner = 0;
         for (slots, out) in share.slots.iter().zip(share.nodes) {
-            let mut node = Node8::empty(to_u32(share.first_prim + prim));
+            let mut node = WideNode::empty(to_u32(share.first_prim + prim));
             node.prim_count = to_u32(slots.prims);
             for item in &slots.items[..slots.used] {
                 let source = &self.bvh.nodes[item.node as usize];
-                let child = if self.fits(item) {
+                let child = if item.is_leaf {
                     let count = item.refs as usize;
                     self.gather(item, &mut share.prim_ids[prim..prim + count])?;
                     let first = to_u32(share.first_prim + prim);
@@ -343,8 +306,9 @@ impl Collapse<'_> {
             ids.copy_from_slice(source(item.first, item.count).ok_or_else(fault)?);
             return Ok(());
         }
-        // Every pending subtree holds a reference, and there are at most eight.
-        let mut stack = [0; Bvh8::MAX_LEAF + 1];
+        // Every pending subtree holds a reference, and there are at most W; never do all of them
+        // wait while one is looked at.
+        let mut stack = [0; W];
         stack[0] = item.node as usize;
         let mut pending = 1;
         let mut done = 0;
@@ -367,9 +331,9 @@ impl Collapse<'_> {
 }
 
 /// One task's part of a round.
-struct Share<'a> {
-    slots: &'a [Slots],
-    nodes: &'a mut [Node8],
+struct Share<'a, const W: usize> {
+    slots: &'a [Slots<W>],
+    nodes: &'a mut [WideNode<W>],
     prim_ids: &'a mut [u32],
     next: &'a mut [Item],
     /// Place of `prim_ids[0]` in the whole tree.
@@ -392,4 +356,4 @@ fn for_each_chunk<A: Send, B: Sync>(
     out.par_chunks_mut(GRAIN).zip(input.par_chunks(GRAIN)).try_for_each(chunk)
 }
 
-const _: () = assert!(Bvh8::MAX_LEAF < MANY as usize);
+const _: () = assert!(Bvh16::MAX_LEAF < MANY as usize);

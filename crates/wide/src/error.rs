@@ -21,7 +21,7 @@ pub enum CollapseError {
     TooManyReferences {
         /// How many the tree has.
         count: usize,
-        /// How many are allowed: [`crate::Bvh8::MAX_REFERENCES`].
+        /// How many are allowed: [`crate::WideBvh::MAX_REFERENCES`].
         max: usize,
     },
     /// A setting is out of its range. Remedy: see the field's documentation.

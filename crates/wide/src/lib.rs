@@ -32,14 +32,18 @@
 //!
 //! There are no feature flags.
 
+mod bottom_up;
 mod collapse;
-mod counts;
+mod cost;
 mod error;
+mod greedy;
 mod node;
+mod optimal;
+mod settings;
 
-pub use collapse::CollapseSettings;
 pub use error::CollapseError;
-pub use node::{Bvh8, Child, Node8};
+pub use node::{Bvh4, Bvh8, Bvh16, Child, Node4, Node8, Node16, WideBvh, WideNode};
+pub use settings::{CollapseMethod, CollapseSettings, WideCosts};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,7 +1,9 @@
 //! The collapsed tree against the binary one it came from.
 
 use niwaki_core::{Aabb, Bvh, BvhNode, glam::Vec3, to_u32};
-use niwaki_wide::{Bvh8, Child, CollapseError, CollapseSettings};
+use niwaki_wide::{
+    Bvh8, Child, CollapseError, CollapseMethod, CollapseSettings, WideBvh, WideCosts,
+};
 use proptest::prelude::*;
 
 /// A random binary tree over `leaves` unit boxes along x: `choice` decides where ranges split.
@@ -39,8 +41,23 @@ fn random_tree(leaf_sizes: &[u32], mut choice: u64) -> Bvh {
     Bvh { nodes, prim_ids: (0..prims).rev().collect() }
 }
 
-/// Checks everything that [`Bvh8`] promises.
-fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
+/// The same tree in another order of nodes.
+fn breadth_first(bvh: &Bvh) -> Bvh {
+    let mut nodes = vec![bvh.nodes[0]];
+    let mut next = 0;
+    while next < nodes.len() {
+        if !nodes[next].is_leaf() {
+            let [a, b] = nodes[next].children();
+            nodes[next].first = to_u32(nodes.len());
+            nodes.extend([bvh.nodes[a], bvh.nodes[b]]);
+        }
+        next += 1;
+    }
+    Bvh { nodes, prim_ids: bvh.prim_ids.clone() }
+}
+
+/// Checks everything that [`WideBvh`] promises.
+fn check<const W: usize>(bvh: &Bvh, wide: &WideBvh<W>, settings: &CollapseSettings) {
     let mut leaf_box = vec![Aabb::EMPTY; bvh.prim_ids.len()];
     for node in bvh.nodes.iter().filter(|node| node.is_leaf()) {
         for &id in bvh.leaf_prims(node) {
@@ -56,9 +73,9 @@ fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
     let mut next_prim = 0;
     let mut inside = vec![wide.bounds(); wide.nodes().len()];
     for (i, node) in wide.nodes().iter().enumerate() {
-        assert!(node.used >= 1 && node.used <= 8);
+        assert!(node.used >= 1 && node.used as usize <= W);
         assert_eq!(node.first_prim, next_prim);
-        for slot in 0..8 {
+        for slot in 0..W {
             let bounds = node.aabb(slot);
             let Some(child) = node.child(slot) else {
                 assert_eq!(bounds, Aabb::EMPTY);
@@ -73,7 +90,7 @@ fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
                 }
                 Child::Leaf { first, count } => {
                     assert_eq!(first, next_prim, "leaves follow each other");
-                    assert!(count >= 1 && count as usize <= settings.max_leaf);
+                    assert!(count >= 1 && count as usize <= settings.max_leaf.min(W));
                     next_prim += count;
                     for &id in wide.leaf_prims(first, count) {
                         assert!(bounds.contains(&leaf_box[id as usize]));
@@ -86,6 +103,23 @@ fn check(bvh: &Bvh, wide: &Bvh8, settings: &CollapseSettings) {
     assert!(parents.iter().skip(1).all(|&n| n == 1));
 }
 
+/// Collapses to every width by both methods, and checks that the optimal one costs least.
+fn all_widths(bvh: &Bvh, settings: &CollapseSettings) {
+    fn width<const W: usize>(bvh: &Bvh, settings: &CollapseSettings) {
+        let cost = |method| {
+            let settings = CollapseSettings { method, ..*settings };
+            let wide = WideBvh::<W>::collapse(bvh, &settings).unwrap();
+            check(bvh, &wide, &settings);
+            wide.cost(&settings.costs)
+        };
+        let (greedy, optimal) = (cost(CollapseMethod::Greedy), cost(CollapseMethod::Optimal));
+        assert!(optimal <= greedy * (1.0 + 1e-4), "{W}: {optimal} > {greedy}");
+    }
+    width::<4>(bvh, settings);
+    width::<8>(bvh, settings);
+    width::<16>(bvh, settings);
+}
+
 proptest! {
     #[test]
     fn collapse_keeps_the_tree(
@@ -94,13 +128,13 @@ proptest! {
             1..200,
         ),
         choice: u64,
-        max_leaf in 1_usize..=8,
-        reference_cost in 0.0_f32..2.0,
+        max_leaf in 1_usize..=20,
+        node in 0.0_f32..2.0,
+        reference in 0.0_f32..2.0,
     ) {
         let bvh = random_tree(&leaf_sizes, choice);
-        let settings = CollapseSettings { max_leaf, reference_cost };
-        let wide = Bvh8::collapse(&bvh, &settings).unwrap();
-        check(&bvh, &wide, &settings);
+        let costs = WideCosts { node, leaf: 1.0, reference };
+        all_widths(&bvh, &CollapseSettings { max_leaf, costs, ..CollapseSettings::default() });
     }
 }
 
@@ -108,25 +142,38 @@ proptest! {
 fn the_number_of_threads_does_not_matter() {
     let leaf_sizes: Vec<u32> =
         (0..60_000).map(|i| i % 3 + 1 + 20 * u32::from(i % 97 == 0)).collect();
-    let bvh = random_tree(&leaf_sizes, 5);
-    let settings = CollapseSettings::default();
-    let collapse = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| Bvh8::collapse(&bvh, &settings).unwrap())
-    };
-    let one = collapse(1);
-    check(&bvh, &one, &settings);
-    for threads in [2, 3, 8] {
-        assert_eq!(collapse(threads), one);
+    fn same<const W: usize>(bvh: &Bvh, settings: &CollapseSettings) {
+        let collapse = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| WideBvh::<W>::collapse(bvh, settings).unwrap())
+        };
+        let one = collapse(1);
+        check(bvh, &one, settings);
+        let cost = one.cost(&settings.costs).to_bits();
+        for threads in [2, 3, 8] {
+            let other = collapse(threads);
+            assert_eq!(other, one);
+            assert_eq!(other.cost(&settings.costs).to_bits(), cost);
+        }
+    }
+    // Depth first, and with siblings far from what is below them.
+    for bvh in [random_tree(&leaf_sizes, 5), breadth_first(&random_tree(&leaf_sizes, 5))] {
+        for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
+            same::<4>(&bvh, &settings);
+            same::<8>(&bvh, &settings);
+            same::<16>(&bvh, &settings);
+        }
     }
 }
 
 #[test]
 fn large_leaves_are_divided() {
     let bvh = random_tree(&[100_000], 0);
-    let wide = Bvh8::collapse(&bvh, &CollapseSettings::default()).unwrap();
-    check(&bvh, &wide, &CollapseSettings::default());
-    assert!(wide.levels() <= 6);
+    for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
+        let wide = Bvh8::collapse(&bvh, &settings).unwrap();
+        check(&bvh, &wide, &settings);
+        assert!(wide.levels() <= 6);
+    }
 }
 
 #[test]
@@ -143,21 +190,78 @@ fn chains_do_not_overflow_the_stack() {
         });
     }
     let bvh = Bvh { nodes, prim_ids: (0..count).collect() };
-    let wide = Bvh8::collapse(&bvh, &CollapseSettings::default()).unwrap();
-    check(&bvh, &wide, &CollapseSettings::default());
-    assert!(wide.levels() > 100_000);
+    for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
+        let wide = Bvh8::collapse(&bvh, &settings).unwrap();
+        check(&bvh, &wide, &settings);
+        assert!(wide.levels() > 100_000);
+        let wide = WideBvh::<16>::collapse(&bvh, &settings).unwrap();
+        check(&bvh, &wide, &settings);
+    }
 }
 
 #[test]
 fn settings_out_of_range_are_refused() {
     let bvh = random_tree(&[1, 1], 0);
+    let costs = |costs| CollapseSettings { costs, ..CollapseSettings::default() };
     for settings in [
         CollapseSettings { max_leaf: 0, ..CollapseSettings::default() },
-        CollapseSettings { max_leaf: 9, ..CollapseSettings::default() },
-        CollapseSettings { reference_cost: -1.0, ..CollapseSettings::default() },
-        CollapseSettings { reference_cost: f32::NAN, ..CollapseSettings::default() },
+        costs(WideCosts { node: -1.0, ..WideCosts::default() }),
+        costs(WideCosts { leaf: f32::INFINITY, ..WideCosts::default() }),
+        costs(WideCosts { reference: f32::NAN, ..WideCosts::default() }),
     ] {
         let error = Bvh8::collapse(&bvh, &settings).unwrap_err();
         assert!(matches!(error, CollapseError::BadSetting { .. }), "{error}");
+    }
+}
+
+#[test]
+fn hard_cases_keep_every_reference() {
+    for case in niwaki_hard_cases::meshes() {
+        let bvh = niwaki_hard_cases::median_tree(&case.mesh, 2);
+        if !bvh.nodes.is_empty() {
+            all_widths(&bvh, &CollapseSettings::default());
+        }
+    }
+}
+
+#[test]
+fn malformed_trees_are_refused() {
+    let tree = random_tree(&[1; 200], 1);
+    let faults: [fn(&mut Bvh); 4] = [
+        |bvh| bvh.nodes[3].first = 1_000_000,
+        |bvh| bvh.nodes[2].first = 1,
+        |bvh| bvh.prim_ids.truncate(150),
+        |bvh| bvh.nodes[1] = bvh.nodes[0],
+    ];
+    let mut refused = 0;
+    for fault in faults {
+        let mut bvh = tree.clone();
+        fault(&mut bvh);
+        for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
+            for error in [
+                Bvh8::collapse(&bvh, &settings).err(),
+                WideBvh::<4>::collapse(&bvh, &settings).err(),
+                WideBvh::<16>::collapse(&bvh, &settings).err(),
+            ] {
+                assert!(matches!(error, None | Some(CollapseError::Malformed { .. })), "{error:?}");
+                refused += usize::from(error.is_some());
+            }
+        }
+    }
+    assert!(refused >= 18, "{refused}");
+}
+
+#[test]
+fn boxes_that_are_no_boxes_lose_nothing() {
+    // Not something a builder returns, but nothing that may break the collapse.
+    let mut bvh = random_tree(&[2; 300], 3);
+    for (i, node) in bvh.nodes.iter_mut().enumerate() {
+        node.max.x = [f32::NAN, f32::INFINITY, -1.0, 1.0][i % 4];
+    }
+    for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
+        let wide = Bvh8::collapse(&bvh, &settings).unwrap();
+        let mut ids = wide.prim_ids().to_vec();
+        ids.sort_unstable();
+        assert!(ids.into_iter().eq(0..600));
     }
 }

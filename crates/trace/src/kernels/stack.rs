@@ -2,10 +2,10 @@
 
 use std::mem::MaybeUninit;
 
-/// Entries on the thread's stack; enough for 70 levels of a wide tree.
+/// Entries on the thread's stack; enough for 71 levels of an 8-wide tree.
 const ARRAY: usize = 504;
 /// Whole vectors are stored, so that some lanes go past the last entry.
-const SLACK: usize = 8;
+const SLACK: usize = 16;
 
 /// Entries without values on the thread's stack.
 pub(crate) type Entries = [MaybeUninit<u32>; ARRAY + SLACK];

@@ -7,35 +7,39 @@ use crate::{
     wide::{Layout, WORDS},
 };
 use niwaki_core::{Hit, glam::Vec3};
-use niwaki_wide::{Child, Node8};
+use niwaki_wide::{Child, WideNode};
 
 /// The closest hit in scaled distance, or any if `ANY`. The scene must have nodes.
-pub(crate) fn trace<const ANY: bool, C: Counter>(
-    scene: &Layout,
+pub(crate) fn trace<const W: usize, const ANY: bool, C: Counter>(
+    scene: &Layout<W>,
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("fma") {
         // SAFETY: the processor has the instructions, as just checked.
-        return unsafe { traverse_fma::<ANY, C>(scene, setup, counter) };
+        return unsafe { traverse_fma::<W, ANY, C>(scene, setup, counter) };
     }
-    traverse::<ANY, C>(scene, setup, counter)
+    traverse::<W, ANY, C>(scene, setup, counter)
 }
 
 /// The same code with hardware multiply-adds, whose results are the same by definition.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "fma")]
-fn traverse_fma<const ANY: bool, C: Counter>(
-    scene: &Layout,
+fn traverse_fma<const W: usize, const ANY: bool, C: Counter>(
+    scene: &Layout<W>,
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
-    traverse::<ANY, C>(scene, setup, counter)
+    traverse::<W, ANY, C>(scene, setup, counter)
 }
 
 #[inline(always)]
-fn traverse<const ANY: bool, C: Counter>(scene: &Layout, setup: &RaySetup, counter: &mut C) -> Hit {
+fn traverse<const W: usize, const ANY: bool, C: Counter>(
+    scene: &Layout<W>,
+    setup: &RaySetup,
+    counter: &mut C,
+) -> Hit {
     let slabs = Slabs::new(setup, scene.scale.magnitude);
     let mut hit = no_hit(setup.t_max);
     let mut stack = Vec::with_capacity(scene.stack_bound.min(64));
@@ -56,9 +60,9 @@ fn traverse<const ANY: bool, C: Counter>(scene: &Layout, setup: &RaySetup, count
                 let node = &scene.nodes[index as usize];
                 counter.node(node.used);
                 let base = stack.len();
-                for slot in 0..8 {
+                for slot in 0..W {
                     if let Some(entry) = entry(node, slot, &slabs, setup.t_min, hit.t) {
-                        stack.push((Child::from_word(node.children[slot]), entry));
+                        stack.push((Child::from_word::<W>(node.children[slot]), entry));
                     }
                 }
                 // Nearest last, to be popped first.
@@ -71,7 +75,13 @@ fn traverse<const ANY: bool, C: Counter>(scene: &Layout, setup: &RaySetup, count
 
 /// Where the ray enters a slot's box, if it does between `t_min` and `t_max`.
 #[inline(always)]
-fn entry(node: &Node8, slot: usize, slabs: &Slabs, t_min: f32, t_max: f32) -> Option<f32> {
+fn entry<const W: usize>(
+    node: &WideNode<W>,
+    slot: usize,
+    slabs: &Slabs,
+    t_min: f32,
+    t_max: f32,
+) -> Option<f32> {
     let mut near = t_min;
     let mut far = t_max;
     for axis in 0..3 {
@@ -86,7 +96,13 @@ fn entry(node: &Node8, slot: usize, slabs: &Slabs, t_min: f32, t_max: f32) -> Op
 }
 
 #[inline(always)]
-fn intersect_leaf(scene: &Layout, first: usize, n: usize, setup: &RaySetup, hit: &mut Hit) {
+fn intersect_leaf<const W: usize>(
+    scene: &Layout<W>,
+    first: usize,
+    n: usize,
+    setup: &RaySetup,
+    hit: &mut Hit,
+) {
     let rows = &scene.triangles[WORDS * first..WORDS * (first + n)];
     for i in 0..n {
         let vec = |row: usize| {

@@ -1,17 +1,21 @@
 //! The kernel for AVX-512: 256-bit vectors, masks and compression.
 
+use super::{
+    simd::define_traversal,
+    sort::{sort4, sort8},
+    stack::{Heap, UNINIT, room},
+    vectors::vectors256::*,
+};
 use crate::{
     setup::{RaySetup, Slabs},
-    simd::define_traversal,
-    stack::{Heap, UNINIT, room},
     triangle::no_hit,
     wide::{Layout, WORDS},
 };
 use niwaki_core::Hit;
-use niwaki_wide::Node8;
+use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
 
-define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
+define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8);
 
 /// Lanes with `a ≤ b`.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]
@@ -29,15 +33,8 @@ fn sorted_keys(keys: __m256i, mask: u32) -> __m256i {
     if mask.count_ones() > 4 {
         return sort8(keys);
     }
-    // Nearly always the first three of the network's six layers are enough, in half a register.
-    let (lo, hi) = (|a, b| _mm_min_epi32(a, b), |a, b| _mm_max_epi32(a, b));
-    let v = _mm256_castsi256_si128(keys);
-    let p = _mm_shuffle_epi32::<0b10_11_00_01>(v);
-    let v = _mm_blend_epi32::<0b1010>(lo(v, p), hi(v, p));
-    let p = _mm_shuffle_epi32::<0b00_01_10_11>(v);
-    let v = _mm_blend_epi32::<0b1100>(lo(v, p), hi(v, p));
-    let p = _mm_shuffle_epi32::<0b10_11_00_01>(v);
-    _mm256_castsi128_si256(_mm_blend_epi32::<0b1010>(lo(v, p), hi(v, p)))
+    // Nearly always half a register is enough, with half the layers of the network.
+    _mm256_castsi128_si256(sort4(_mm256_castsi256_si128(keys)))
 }
 
 /// The children of the lanes in `mask`, at the front.

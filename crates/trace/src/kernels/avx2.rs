@@ -1,17 +1,21 @@
 //! The kernel for AVX2 and FMA.
 
+use super::{
+    simd::define_traversal,
+    sort::sort8,
+    stack::{Heap, UNINIT, room},
+    vectors::vectors256::*,
+};
 use crate::{
     setup::{RaySetup, Slabs},
-    simd::define_traversal,
-    stack::{Heap, UNINIT, room},
     triangle::no_hit,
     wide::{Layout, WORDS},
 };
 use niwaki_core::Hit;
-use niwaki_wide::Node8;
+use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
 
-define_traversal!("avx2,fma,bmi1,bmi2,popcnt");
+define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8);
 
 /// Lanes with `a ≤ b`.
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
