@@ -13,6 +13,29 @@ pub trait Clip: Sync {
     /// If `axis` is not 0, 1 or 2, or the reference is not one of these primitives.
     #[must_use]
     fn clip(&self, prim: &PrimRef, axis: usize, position: f32) -> [Aabb; 2];
+
+    /// Boxes of the parts of `prim` between ascending planes `p[axis] = positions[i]`: the part
+    /// below the first, between the first two, and so on to the part above the last. `parts` has
+    /// one place more than there are planes.
+    ///
+    /// Meant for the cost of splits, not for the boxes of nodes: implementations may round parts
+    /// inward by some ulps. This one clips part after part.
+    ///
+    /// # Panics
+    /// As [`Clip::clip`], or if `parts` has too few places.
+    fn chop(&self, prim: &PrimRef, axis: usize, positions: &[f32], parts: &mut [Aabb]) {
+        let mut rest = *prim;
+        for (i, &position) in positions.iter().enumerate() {
+            let [lower, upper] = self.clip(&rest, axis, position);
+            parts[i] = lower;
+            (rest.min, rest.max) = (upper.min, upper.max);
+            if upper.is_empty() {
+                parts[i + 1..=positions.len()].fill(Aabb::EMPTY);
+                return;
+            }
+        }
+        parts[positions.len()] = rest.aabb();
+    }
 }
 
 impl Clip for TriangleMesh {
