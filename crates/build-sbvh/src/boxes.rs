@@ -19,6 +19,14 @@ impl Box4 {
         Self { min, max }
     }
 
+    /// With zeros in the fourth lanes: ids, read as numbers, are mostly denormal, and arithmetic on
+    /// those is slow.
+    #[inline]
+    pub(crate) fn without_ids(p: &PrimRef) -> Self {
+        let Self { min, max } = Self::of(p);
+        Self { min: min.with_w(0.0), max: max.with_w(0.0) }
+    }
+
     #[inline]
     pub(crate) fn from_aabb(b: &Aabb) -> Self {
         Self { min: b.min.extend(0.0), max: b.max.extend(0.0) }

@@ -214,7 +214,7 @@ fn move_chunk(
     let mut parts = parts.iter();
     let [mut left, mut right] = [0, 0];
     let mut add = |side: usize, p: &PrimRef| {
-        let bounds = Box4::of(p);
+        let bounds = Box4::without_ids(p);
         let centroid2 = bounds.min + bounds.max;
         let centroid = Box4 { min: centroid2, max: centroid2 };
         let to = &mut result[side];

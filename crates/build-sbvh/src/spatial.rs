@@ -3,60 +3,69 @@
 
 use crate::boxes::Box4;
 use niwaki_core::bins::CHUNK;
+use niwaki_core::glam::Vec4;
 use niwaki_core::{Aabb, AreaScale, Clip, PrimRef, SahConstants};
 use rayon::prelude::*;
 
 /// Equidistant planes through a node's box, `bins − 1` across each axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planes {
-    low: [f32; 3],
-    width: [f32; 3],
+    low: Vec4,
+    width: Vec4,
     /// 1 / width; 0 where the axis has no planes because its extent vanishes or overflows.
-    inverse: [f32; 3],
+    inverse: Vec4,
     bins: usize,
 }
 
 impl Planes {
     pub(crate) fn new(bounds: &Aabb, bins: usize) -> Self {
-        let low = bounds.min.to_array();
-        let width = bounds.extent().to_array().map(|extent| extent / bins as f32);
+        let low = bounds.min.extend(0.0);
+        let width = bounds.extent().extend(0.0).to_array().map(|extent| extent / bins as f32);
         let inverse = width.map(|width| {
             let inverse = width.recip();
             if inverse.is_normal() && width.is_normal() { inverse } else { 0.0 }
         });
-        Self { low, width, inverse, bins }
+        Self { low, width: Vec4::from_array(width), inverse: Vec4::from_array(inverse), bins }
     }
 
-    const fn has(&self, axis: usize) -> bool {
+    fn has(&self, axis: usize) -> bool {
         self.inverse[axis] != 0.0
     }
 
     /// Where the plane below a bin lies.
     #[inline]
-    pub(crate) const fn position(&self, axis: usize, bin: usize) -> f32 {
+    pub(crate) fn position(&self, axis: usize, bin: usize) -> f32 {
         self.low[axis] + self.width[axis] * bin as f32
     }
 
-    /// The first and the last bin that a reference overlaps by more than touching.
+    /// The first and the last bin that a reference overlaps by more than touching, by axis.
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "saturating, and then clamped"
     )]
+    fn ranges(&self, p: &Box4) -> [[usize; 2]; 3] {
+        let low = ((p.min - self.low) * self.inverse).to_array();
+        let high = ((p.max - self.low) * self.inverse).to_array();
+        std::array::from_fn(|axis| {
+            let last = self.bins - 1;
+            let (mut low, mut high) =
+                ((low[axis] as usize).min(last), (high[axis] as usize).min(last));
+            if low < high {
+                high -= usize::from(p.max[axis] <= self.position(axis, high));
+            }
+            if low < high {
+                low += usize::from(p.min[axis] >= self.position(axis, low + 1));
+            }
+            [low, high]
+        })
+    }
+
+    /// As [`Planes::ranges`], of one axis.
+    #[inline]
     pub(crate) fn range(&self, axis: usize, p: &PrimRef) -> [usize; 2] {
-        let bin = |x: f32| {
-            let bin = ((x - self.low[axis]) * self.inverse[axis]) as usize;
-            bin.min(self.bins - 1)
-        };
-        let (mut low, mut high) = (bin(p.min[axis]), bin(p.max[axis]));
-        if low < high {
-            high -= usize::from(p.max[axis] <= self.position(axis, high));
-        }
-        if low < high {
-            low += usize::from(p.min[axis] >= self.position(axis, low + 1));
-        }
-        [low, high]
+        self.ranges(&Box4::without_ids(p))[axis]
     }
 }
 
@@ -91,8 +100,7 @@ pub(crate) struct Split {
 pub(crate) struct Bins {
     bins: [Vec<Bin>; 3],
     right: Vec<(f32, u32)>,
-    positions: Vec<f32>,
-    parts: Vec<Aabb>,
+    positions: [Vec<f32>; 3],
 }
 
 impl Bins {
@@ -100,14 +108,13 @@ impl Bins {
         Self {
             bins: [const { Vec::new() }; 3],
             right: Vec::new(),
-            positions: Vec::new(),
-            parts: Vec::new(),
+            positions: [const { Vec::new() }; 3],
         }
     }
 
     /// Bytes of `bins` bins per axis.
     pub(crate) const fn bytes(bins: usize) -> usize {
-        bins * (3 * size_of::<Bin>() + size_of::<(f32, u32)>() + 4 + size_of::<Aabb>())
+        bins * (3 * size_of::<Bin>() + size_of::<(f32, u32)>() + 12)
     }
 
     fn clear(&mut self, bins: usize) {
@@ -120,24 +127,26 @@ impl Bins {
     /// Empties the bins and adds the references of a node.
     pub(crate) fn fill<C: Clip>(&mut self, refs: &[PrimRef], planes: &Planes, clip: &C) {
         self.clear(planes.bins);
-        for axis in (0..3).filter(|&axis| planes.has(axis)) {
-            let bins = &mut self.bins[axis];
-            self.positions.clear();
-            self.positions.extend((0..planes.bins).map(|bin| planes.position(axis, bin)));
-            for p in refs {
-                let [first, last] = planes.range(axis, p);
+        for (axis, positions) in self.positions.iter_mut().enumerate() {
+            positions.clear();
+            positions.extend((0..planes.bins).map(|bin| planes.position(axis, bin)));
+        }
+        let axes = [0, 1, 2].map(|axis| planes.has(axis));
+        for p in refs {
+            let bounds = Box4::without_ids(p);
+            for (axis, [first, last]) in planes.ranges(&bounds).into_iter().enumerate() {
+                let bins = &mut self.bins[axis];
                 bins[first].entries += 1;
                 bins[last].exits += 1;
                 if first == last {
                     let bin = &mut bins[first];
-                    bin.bounds = bin.bounds.union(Box4::of(p));
-                } else {
-                    self.parts.clear();
-                    self.parts.resize(last - first + 1, Aabb::EMPTY);
-                    clip.chop(p, axis, &self.positions[first + 1..=last], &mut self.parts);
-                    for (bin, part) in bins[first..=last].iter_mut().zip(&self.parts) {
-                        bin.bounds = bin.bounds.union(Box4::from_aabb(part));
-                    }
+                    bin.bounds = bin.bounds.union(bounds);
+                } else if axes[axis] {
+                    let bins = &mut bins[first..=last];
+                    let positions = &self.positions[axis][first + 1..=last];
+                    clip.chop(p, axis, positions, |i, [min, max]| {
+                        bins[i].bounds = bins[i].bounds.union(Box4 { min, max });
+                    });
                 }
             }
         }

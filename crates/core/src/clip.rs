@@ -1,6 +1,7 @@
 //! What references are boxes of, as far as splitting them needs to know.
 
 use crate::{Aabb, PrimRef, TriangleMesh};
+use glam::Vec4;
 
 /// Cuts references at axis planes. Builders and pre-splitters that split primitives are generic
 /// over it: a mesh gives tight boxes, [`BoxClip`] works where there are only boxes.
@@ -14,27 +15,36 @@ pub trait Clip: Sync {
     #[must_use]
     fn clip(&self, prim: &PrimRef, axis: usize, position: f32) -> [Aabb; 2];
 
-    /// Boxes of the parts of `prim` between ascending planes `p[axis] = positions[i]`: the part
-    /// below the first, between the first two, and so on to the part above the last. `parts` has
-    /// one place more than there are planes.
+    /// Calls `part` with the box of each part of `prim` between ascending planes
+    /// `p[axis] = positions[i]`: number 0 is below the first plane, number 1 between the first two,
+    /// and so on. Parts with nothing in them are left out. Fourth lanes have no meaning.
     ///
-    /// Meant for the cost of splits, not for the boxes of nodes: implementations may round parts
-    /// inward by some ulps. This one clips part after part.
+    /// Meant for the cost of splits, not for the boxes of nodes: implementations may be off by
+    /// rounding. This one clips part after part.
     ///
     /// # Panics
-    /// As [`Clip::clip`], or if `parts` has too few places.
-    fn chop(&self, prim: &PrimRef, axis: usize, positions: &[f32], parts: &mut [Aabb]) {
+    /// As [`Clip::clip`].
+    fn chop(
+        &self,
+        prim: &PrimRef,
+        axis: usize,
+        positions: &[f32],
+        mut part: impl FnMut(usize, [Vec4; 2]),
+    ) where
+        Self: Sized,
+    {
         let mut rest = *prim;
         for (i, &position) in positions.iter().enumerate() {
             let [lower, upper] = self.clip(&rest, axis, position);
-            parts[i] = lower;
-            (rest.min, rest.max) = (upper.min, upper.max);
+            if !lower.is_empty() {
+                part(i, [lower.min.extend(0.0), lower.max.extend(0.0)]);
+            }
             if upper.is_empty() {
-                parts[i + 1..=positions.len()].fill(Aabb::EMPTY);
                 return;
             }
+            (rest.min, rest.max) = (upper.min, upper.max);
         }
-        parts[positions.len()] = rest.aabb();
+        part(positions.len(), [rest.min.extend(0.0), rest.max.extend(0.0)]);
     }
 }
 
@@ -45,6 +55,18 @@ impl Clip for TriangleMesh {
         let (lower, upper) =
             self.triangle(prim.prim_id as usize).split(&prim.aabb(), axis, position);
         [lower, upper]
+    }
+
+    /// [`crate::Triangle::chop`].
+    #[inline]
+    fn chop(
+        &self,
+        prim: &PrimRef,
+        axis: usize,
+        positions: &[f32],
+        part: impl FnMut(usize, [Vec4; 2]),
+    ) {
+        self.triangle(prim.prim_id as usize).chop(&prim.aabb(), axis, positions, part);
     }
 }
 
