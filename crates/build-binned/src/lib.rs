@@ -17,10 +17,6 @@
 //!
 //! There are no feature flags.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-mod bins;
-mod kernel;
 mod parallel;
 mod top_down;
 
@@ -30,7 +26,7 @@ mod support;
 #[cfg(test)]
 mod tests;
 
-use kernel::Kernel;
+use niwaki_core::bins::{Kernel, MAX_BINS};
 use niwaki_core::builder::{check_max_leaf_size, check_sah};
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh};
 
@@ -61,7 +57,7 @@ impl Binned {
     }
 
     fn check(&self) -> Result<(), BuildError> {
-        if !(2..=bins::MAX_BINS).contains(&self.bins) {
+        if !(2..=MAX_BINS).contains(&self.bins) {
             return Err(BuildError::BadSetting {
                 setting: "bins",
                 value: self.bins.to_string(),

@@ -1,30 +1,10 @@
-//! Binning and partitioning of large nodes with all threads. Chunks have a fixed size and are
-//! combined in order, so the number of threads does not show.
+//! Partitioning of large nodes with all threads. Chunks have a fixed size and are combined in
+//! order, so the number of threads does not show.
 
-use crate::bins::{Bins, Corners, Mapping, Parted, Split};
-use crate::kernel::Kernel;
 use niwaki_core::PrimRef;
+use niwaki_core::bins::{CHUNK, Corners, Kernel, Mapping, Parted, Split};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Primitives of one piece of work: half a megabyte.
-pub(crate) const CHUNK: usize = 1 << 14;
-
-/// As [`Kernel::fill`] on bins that are empty.
-pub(crate) fn fill(kernel: Kernel, prims: &[PrimRef], mapping: &Mapping) -> Box<Bins> {
-    prims
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            let mut bins = Bins::new();
-            kernel.fill(&mut bins, chunk, mapping);
-            bins
-        })
-        .reduce_with(|mut a, b| {
-            a.merge(&b, mapping.bins);
-            a
-        })
-        .unwrap_or_else(Bins::new)
-}
 
 /// As [`Kernel::partition`], in place: every chunk is partitioned, then what stands on the wrong
 /// side of the common border is exchanged.

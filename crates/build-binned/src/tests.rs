@@ -1,10 +1,9 @@
 //! Kernels against each other and against exhaustive evaluation.
 
-use crate::bins::{Bins, Mapping, Split};
-use crate::kernel::Kernel;
 use crate::support::{hard_cases, same_bytes, soup};
 use crate::top_down::{BINNED_LEVELS, build};
 use crate::{Binned, parallel};
+use niwaki_core::bins::{Bins, CHUNK, Kernel, Mapping, Split};
 use niwaki_core::{Aabb, AreaScale, PrimRef, SahConstants};
 use niwaki_metrics::TreeStats;
 use proptest::prelude::*;
@@ -17,7 +16,7 @@ fn bounds(prims: &[PrimRef]) -> [Aabb; 2] {
 fn bits(bins: &Bins, number: usize) -> Vec<u32> {
     let lanes = [0, 1, 2, 4, 5, 6];
     let boxes = bins.bounds[..number].iter().flatten();
-    let boxes = boxes.flat_map(|c| lanes.map(|lane| c.0[lane].to_bits()));
+    let boxes = boxes.flat_map(|c| lanes.map(|lane| c.lanes()[lane].to_bits()));
     boxes.chain(bins.counts[..number].iter().flat_map(|c| c[..3].to_vec())).collect()
 }
 
@@ -34,7 +33,7 @@ fn check_node(prims: &[PrimRef], number: usize, sah: &SahConstants) {
         let parted = split.map(|split| kernel.partition(&mut moved, &mapping, &split));
         (bins, split, moved, parted)
     };
-    let (bins, split, moved, parted) = run(Kernel::Scalar);
+    let (bins, split, moved, parted) = run(Kernel::SCALAR);
     let (fast_bins, fast_split, fast_moved, fast_parted) = run(Kernel::fastest());
     assert_eq!(bits(&bins, number), bits(&fast_bins, number));
     assert_eq!(split, fast_split);
@@ -49,7 +48,7 @@ fn check_node(prims: &[PrimRef], number: usize, sah: &SahConstants) {
     // Exhaustively: every border of every axis, with boxes from the primitives themselves.
     let cost_of = |split: &Split| {
         let mut all = prims.to_vec();
-        let left = Kernel::Scalar.partition(&mut all, &mapping, split).left;
+        let left = Kernel::SCALAR.partition(&mut all, &mapping, split).left;
         let (left, right) = all.split_at(left);
         let empty = left.is_empty() || right.is_empty();
         let cost = |side: &[PrimRef]| {
@@ -101,7 +100,7 @@ proptest! {
     /// would.
     #[test]
     fn parallel_kernels_agree_with_one_thread(
-        count in parallel::CHUNK - 1..5 * parallel::CHUNK,
+        count in CHUNK - 1..5 * CHUNK,
         bin in 1_usize..16,
         axis in 0_usize..3,
     ) {
@@ -110,7 +109,7 @@ proptest! {
         let kernel = Kernel::fastest();
         let mut serial = Bins::new();
         kernel.fill(&mut serial, &prims, &mapping);
-        prop_assert_eq!(bits(&serial, 16), bits(&parallel::fill(kernel, &prims, &mapping), 16));
+        prop_assert_eq!(bits(&serial, 16), bits(&kernel.fill_parallel(&prims, &mapping), 16));
 
         let split = Split { axis, bin, cost: 0.0 };
         let mut other = prims.clone();
@@ -140,7 +139,7 @@ fn all_kernels_build_one_tree_in_hard_cases() {
     ];
     for (name, mesh) in hard_cases() {
         for config in &configs {
-            let reference = build(mesh.prim_refs(), config, Kernel::Scalar).unwrap();
+            let reference = build(mesh.prim_refs(), config, Kernel::SCALAR).unwrap();
             let fast = build(mesh.prim_refs(), config, Kernel::fastest()).unwrap();
             assert!(same_bytes(&reference, &fast), "{name} {config:?}");
             let bound = BINNED_LEVELS + mesh.len().max(1).next_power_of_two().ilog2();

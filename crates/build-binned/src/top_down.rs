@@ -2,9 +2,8 @@
 //! below them side by side.
 
 use crate::Binned;
-use crate::bins::{Bins, Mapping};
-use crate::kernel::Kernel;
 use crate::parallel;
+use niwaki_core::bins::{Bins, CHUNK, Kernel, Mapping};
 use niwaki_core::float::sortable_bits;
 use niwaki_core::layout::{Subtree, divide, finish, slots};
 use niwaki_core::{Aabb, AreaScale, BuildError, Bvh, BvhNode, PrimRef, scene_bounds};
@@ -12,7 +11,7 @@ use rayon::prelude::*;
 
 /// Larger nodes are binned and partitioned by all threads. The order that this leaves differs
 /// from that of one thread, so the limit is the same for any number of them.
-const PARALLEL_FROM: usize = 4 * parallel::CHUNK;
+const PARALLEL_FROM: usize = 4 * CHUNK;
 
 /// Subtrees below this size stay on one thread.
 const GRAIN: usize = 2048;
@@ -101,7 +100,7 @@ fn step<'a>(
     let split = if level >= BINNED_LEVELS {
         None
     } else if is_large {
-        *bins = *parallel::fill(kernel, prims, &mapping);
+        *bins = *kernel.fill_parallel(prims, &mapping);
         kernel.best(bins, number, scale, sah)
     } else {
         bins.clear(number);

@@ -1,6 +1,7 @@
 //! What references are boxes of, as far as splitting them needs to know.
 
 use crate::{Aabb, PrimRef, TriangleMesh};
+use glam::Vec4;
 
 /// Cuts references at axis planes. Builders and pre-splitters that split primitives are generic
 /// over it: a mesh gives tight boxes, [`BoxClip`] works where there are only boxes.
@@ -13,6 +14,38 @@ pub trait Clip: Sync {
     /// If `axis` is not 0, 1 or 2, or the reference is not one of these primitives.
     #[must_use]
     fn clip(&self, prim: &PrimRef, axis: usize, position: f32) -> [Aabb; 2];
+
+    /// Calls `part` with the box of each part of `prim` between ascending planes
+    /// `p[axis] = positions[i]`: number 0 is below the first plane, number 1 between the first two,
+    /// and so on. Parts with nothing in them are left out. Fourth lanes have no meaning.
+    ///
+    /// Meant for the cost of splits, not for the boxes of nodes: implementations may be off by
+    /// rounding. This one clips part after part.
+    ///
+    /// # Panics
+    /// As [`Clip::clip`].
+    fn chop(
+        &self,
+        prim: &PrimRef,
+        axis: usize,
+        positions: &[f32],
+        mut part: impl FnMut(usize, [Vec4; 2]),
+    ) where
+        Self: Sized,
+    {
+        let mut rest = *prim;
+        for (i, &position) in positions.iter().enumerate() {
+            let [lower, upper] = self.clip(&rest, axis, position);
+            if !lower.is_empty() {
+                part(i, [lower.min.extend(0.0), lower.max.extend(0.0)]);
+            }
+            if upper.is_empty() {
+                return;
+            }
+            (rest.min, rest.max) = (upper.min, upper.max);
+        }
+        part(positions.len(), [rest.min.extend(0.0), rest.max.extend(0.0)]);
+    }
 }
 
 impl Clip for TriangleMesh {
@@ -22,6 +55,18 @@ impl Clip for TriangleMesh {
         let (lower, upper) =
             self.triangle(prim.prim_id as usize).split(&prim.aabb(), axis, position);
         [lower, upper]
+    }
+
+    /// [`crate::Triangle::chop`].
+    #[inline]
+    fn chop(
+        &self,
+        prim: &PrimRef,
+        axis: usize,
+        positions: &[f32],
+        part: impl FnMut(usize, [Vec4; 2]),
+    ) {
+        self.triangle(prim.prim_id as usize).chop(&prim.aabb(), axis, positions, part);
     }
 }
 

@@ -8,6 +8,7 @@
 
 use crate::{Aabb, Bvh, BvhNode, to_u32};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The slots of a subtree that has not been built yet.
 #[derive(Debug)]
@@ -190,6 +191,54 @@ pub fn finish(slots: Vec<BvhNode>, prim_ids: Vec<u32>) -> Bvh {
     Bvh { nodes: compact(slots), prim_ids }
 }
 
+/// A finished tree where leaves hold their ids at places with holes between them, as builders that
+/// split primitives leave them: `ids[first .. first + count]` of each leaf move together, in the
+/// order of their places, and what no leaf names is dropped.
+///
+/// # Panics
+/// If a leaf's range is not within `ids`.
+#[must_use]
+pub fn finish_with_holes(slots: Vec<BvhNode>, ids: Vec<u32>) -> Bvh {
+    const WORD: usize = 64;
+    const MIN_LEN: usize = 4096;
+    let mut nodes = compact(slots);
+    // A bit for each place that a leaf names. Relaxed: bits are only read after the loop's end.
+    let words: Vec<AtomicU64> =
+        (0..ids.len().div_ceil(WORD)).into_par_iter().map(|_| AtomicU64::new(0)).collect();
+    nodes.par_iter().with_min_len(MIN_LEN).for_each(|node| {
+        for place in node.prim_range() {
+            words[place / WORD].fetch_or(1 << (place % WORD), Ordering::Relaxed);
+        }
+    });
+    let words: Vec<u64> = words.into_iter().map(AtomicU64::into_inner).collect();
+    let mut total = 0;
+    let before: Vec<u32> = words
+        .iter()
+        .map(|word| {
+            let before = total;
+            total += word.count_ones();
+            before
+        })
+        .collect();
+    if total as usize == ids.len() {
+        return Bvh { nodes, prim_ids: ids };
+    }
+    nodes.par_iter_mut().with_min_len(MIN_LEN).filter(|node| node.is_leaf()).for_each(|node| {
+        let place = node.first as usize;
+        let lower = words[place / WORD] & ((1 << (place % WORD)) - 1);
+        node.first = before[place / WORD] + lower.count_ones();
+    });
+    let mut prim_ids = Vec::with_capacity(total as usize);
+    for (word, ids) in words.iter().zip(ids.chunks(WORD)) {
+        let mut rest = *word;
+        while rest != 0 {
+            prim_ids.push(ids[rest.trailing_zeros() as usize]);
+            rest &= rest - 1;
+        }
+    }
+    Bvh { nodes, prim_ids }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,6 +305,35 @@ mod tests {
             let by = if node.is_leaf() { 0 } else { 2 };
             assert_eq!((copy.first, copy.count), (node.first + by, node.count));
         }
+    }
+
+    #[test]
+    fn holes_between_ids_are_closed() {
+        // Leaves of one to three ids with gaps between, over several words.
+        let mut nodes = slots(400);
+        let mut ids = vec![u32::MAX; 400];
+        let mut rest = Subtree::root(&mut nodes);
+        let mut expected = Vec::new();
+        let mut first = 0;
+        while let Some(subtree) = rest.take() {
+            let count = 1 + first % 3;
+            ids[first..first + count].fill(to_u32(first));
+            expected.push(vec![to_u32(first); count]);
+            if subtree.capacity() > 4 {
+                let [a, b] = subtree.split(Aabb::EMPTY, 4);
+                a.leaf(Aabb::EMPTY, first, count);
+                rest = Some(b);
+            } else {
+                subtree.leaf(Aabb::EMPTY, first, count);
+            }
+            first += 4;
+        }
+        let bvh = finish_with_holes(nodes, ids);
+        let leaves = bvh.nodes.iter().filter(|n| n.is_leaf());
+        let mut found: Vec<Vec<u32>> = leaves.map(|n| bvh.leaf_prims(n).to_vec()).collect();
+        found.sort();
+        assert_eq!(found, expected);
+        assert_eq!(bvh.prim_ids, expected.concat());
     }
 
     #[test]

@@ -22,6 +22,7 @@
 //! | [`ray`] | rays, hits, and the [`Intersector`] that renderers are generic over |
 //! | [`bvh`] | the binary BVH: 32-byte nodes, siblings adjacent |
 //! | [`builder`] | the [`Builder`] trait, its errors and shared checks |
+//! | [`bins`] | bins of centroids and their kernels, scalar and AVX2 |
 //! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
 //! | [`radix`] | a stable parallel radix sort |
@@ -32,6 +33,7 @@
 //! There are no feature flags.
 
 pub mod aabb;
+pub mod bins;
 pub mod builder;
 pub mod bvh;
 pub mod clip;

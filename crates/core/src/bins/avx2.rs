@@ -1,9 +1,9 @@
-//! The kernels of [`crate::bins`] for AVX2: a primitive reference is one register. The same
+//! The kernels of [`super::scalar`] for AVX2: a primitive reference is one register. The same
 //! operations in the same order, hence the same bits.
 
-use crate::bins::{Bins, Corners, MAX_BINS, Mapping, Parted, Split};
-use niwaki_core::glam::Vec3;
-use niwaki_core::{AreaScale, PrimRef, SahConstants};
+use super::{Bins, Corners, MAX_BINS, Mapping, Parted, Split};
+use crate::{AreaScale, PrimRef, SahConstants};
+use glam::Vec3;
 use std::arch::x86_64::*;
 
 #[inline]
@@ -70,7 +70,7 @@ fn low_signs() -> __m256 {
 }
 
 #[target_feature(enable = "avx2")]
-pub(crate) fn fill(bins: &mut Bins, prims: &[PrimRef], mapping: &Mapping) {
+pub(super) fn fill(bins: &mut Bins, prims: &[PrimRef], mapping: &Mapping) {
     let low = vec3(mapping.low);
     let scale = vec3(mapping.scale);
     let last = _mm_set1_ps((mapping.bins - 1) as f32);
@@ -134,7 +134,7 @@ fn half_areas(boxes: [__m256; 3], count: __m128i, scale: __m128) -> __m128 {
 }
 
 #[target_feature(enable = "avx2")]
-pub(crate) fn best(
+pub(super) fn best(
     bins: &Bins,
     number: usize,
     scale: AreaScale,
@@ -196,7 +196,7 @@ pub(crate) fn best(
 }
 
 #[target_feature(enable = "avx2")]
-pub(crate) fn partition(prims: &mut [PrimRef], mapping: &Mapping, split: &Split) -> Parted {
+pub(super) fn partition(prims: &mut [PrimRef], mapping: &Mapping, split: &Split) -> Parted {
     let low = vec3(mapping.low);
     let scale = vec3(mapping.scale);
     let border = _mm_set1_ps(split.bin as f32);
