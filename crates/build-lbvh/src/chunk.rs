@@ -1,8 +1,8 @@
 //! Subtrees over a part of the order, each built by one thread.
 
-use crate::morton::Sorted;
 use crate::part::{LeafRule, Part};
-use crate::prefix::{common_prefix, split};
+use niwaki_core::morton::Sorted;
+use niwaki_core::morton::{common_prefix, split};
 use niwaki_core::{Aabb, BvhNode, PrimRef, to_u32};
 
 /// A part of the order, and where its nodes go.

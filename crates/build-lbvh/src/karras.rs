@@ -2,9 +2,9 @@
 
 use crate::chunk::Source;
 use crate::part::Part;
-use crate::prefix::common_prefix;
 use niwaki_core::glam::Vec3;
 use niwaki_core::layout::divide;
+use niwaki_core::morton::common_prefix;
 use niwaki_core::{Aabb, BvhNode, to_u32};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};

@@ -25,15 +25,13 @@
 
 mod chunk;
 mod karras;
-mod morton;
 mod part;
-mod prefix;
 mod top_down;
 
 use niwaki_core::builder::{check_max_leaf_size, check_sah};
 use niwaki_core::layout::finish;
 use niwaki_core::{
-    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
+    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, morton, scene_bounds,
 };
 use rayon::prelude::*;
 

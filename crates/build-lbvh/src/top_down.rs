@@ -2,9 +2,9 @@
 
 use crate::chunk::{Chunk, Source};
 use crate::part::Part;
-use crate::prefix::split;
 use niwaki_core::BvhNode;
 use niwaki_core::layout::slots;
+use niwaki_core::morton::split;
 use niwaki_core::to_u32;
 use rayon::prelude::*;
 
