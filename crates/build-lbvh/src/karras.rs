@@ -170,7 +170,7 @@ fn boxes(source: Source<'_>, nodes: &[Inner], leaf_parents: &[AtomicU32]) {
             } else {
                 (nodes[split + 1].part(1), nodes[split + 1].kept.load(Ordering::Relaxed))
             };
-            let part = source.rule.join(&left, &right, 1);
+            let part = Part::join(&left, &right, 1, source.rule);
             let bounds = [part.node.min.to_array(), part.node.max.to_array()];
             for (to, value) in node.bounds.iter().zip(bounds.as_flattened()) {
                 to.store(value.to_bits(), Ordering::Relaxed);

@@ -71,7 +71,7 @@ pub(crate) fn build(
                 (Some(left), Some(right)) => {
                     nodes[pair] = left.node;
                     nodes[pair + 1] = right.node;
-                    Some(source.rule.join(&left, &right, to_u32(pair)))
+                    Some(Part::join(&left, &right, to_u32(pair), source.rule))
                 }
                 _ => None,
             },

@@ -22,6 +22,7 @@
 //! | [`ray`] | rays, hits, and the [`Intersector`] that renderers are generic over |
 //! | [`bvh`] | the binary BVH: 32-byte nodes, siblings adjacent |
 //! | [`builder`] | the [`Builder`] trait, its errors and shared checks |
+//! | [`bottom_up`] | trees that are joined from the primitives up, with leaves by SAH |
 //! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
 //! | [`morton`] | Morton codes, and the order and radix tree that they give |
@@ -32,6 +33,7 @@
 //! There are no feature flags.
 
 pub mod aabb;
+pub mod bottom_up;
 pub mod builder;
 pub mod bvh;
 pub mod clip;

@@ -1,0 +1,32 @@
+//! Joining the nearest pairs of a few clusters.
+
+use crate::descend::Named;
+use niwaki_core::bottom_up::{Cluster, LeafRule, Pair};
+
+/// Joins the nearest pair until `target` clusters are left. `pairs[0]` is the slot of place
+/// `first`.
+pub(crate) fn combine(
+    clusters: &mut Vec<Named>,
+    target: usize,
+    pairs: &mut [Pair],
+    first: usize,
+    rule: &LeafRule,
+) {
+    while clusters.len() > target.max(1) {
+        let mut best = (f32::INFINITY, 0, 1);
+        for upper in 1..clusters.len() {
+            for lower in 0..upper {
+                let bounds = clusters[lower].0.aabb().union(clusters[upper].0.aabb());
+                let d = bounds.half_area(rule.scale);
+                if d < best.0 {
+                    best = (d, lower, upper);
+                }
+            }
+        }
+        let (_, lower, upper) = best;
+        let (right, slot) = clusters.remove(upper);
+        let left = clusters[lower].0;
+        pairs[slot as usize - first] = [left, right];
+        clusters[lower].0 = Cluster::join(&left, &right, slot, rule);
+    }
+}
