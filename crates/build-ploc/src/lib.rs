@@ -21,6 +21,8 @@
 //!
 //! There are no feature flags.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod crowd;
 mod rounds;
 mod search;

@@ -1,7 +1,7 @@
 //! Rounds of choosing and joining until one cluster is left.
 
 use crate::crowd;
-use crate::search::{CHUNK, nearest, partner};
+use crate::search::{CHUNK, Kernel, Scratch, partner};
 use niwaki_core::bottom_up::{Cluster, LeafRule, Pair};
 use niwaki_core::to_u32;
 use rayon::prelude::*;
@@ -21,12 +21,14 @@ pub(crate) fn join_all(
     let mut pairs: Vec<Pair> = bytemuck::zeroed_vec(count - 1);
     let mut next: Vec<Cluster> = bytemuck::zeroed_vec(count);
     let mut best = vec![0_u32; count];
+    let kernel = Kernel::fastest();
+    let scratch = || Scratch::new(radius, rule.scale, kernel);
     let mut made = 0;
     let mut live = count;
     while live > 1 {
         let best = &mut best[..live];
-        best.par_chunks_mut(CHUNK).enumerate().for_each(|(i, best)| {
-            nearest(&clusters[..live], i * CHUNK, radius, rule.scale, best);
+        best.par_chunks_mut(CHUNK).enumerate().for_each_init(scratch, |scratch, (i, best)| {
+            scratch.nearest(&clusters[..live], i * CHUNK, best);
         });
         let joined = join(&clusters[..live], best, &mut next, &mut pairs[made..], made, rule);
         std::mem::swap(&mut clusters, &mut next);
