@@ -1,7 +1,7 @@
 //! Agglomerative clustering without approximation (Walter et al. 2008).
 
 use crate::combine::combine;
-use niwaki_core::bottom_up::{self, Cluster, LeafRule, Pair};
+use niwaki_core::bottom_up::{Cluster, Forest, LeafRule};
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds, to_u32,
 };
@@ -36,11 +36,11 @@ impl Agglomerative {
             return Ok(Bvh::default());
         }
         let mut clusters: Vec<_> = (0..to_u32(prims.len()))
-            .map(|i| (Cluster::single(prims[i as usize].aabb(), i, &rule), i))
+            .map(|i| (Cluster::single(prims[i as usize].aabb(), i), i))
             .collect();
-        let mut pairs: Vec<Pair> = bytemuck::zeroed_vec(prims.len());
-        combine(&mut clusters, 1, &mut pairs, 0, &rule);
-        Ok(bottom_up::tree(&clusters[0].0, &pairs, |place| prims[place as usize].prim_id))
+        let mut forest = Forest::new(prims.len());
+        combine(&mut clusters, 1, &mut forest.slots(), &rule);
+        Ok(forest.tree(&clusters[0].0, |place| prims[place as usize].prim_id))
     }
 }
 
@@ -59,7 +59,7 @@ impl Builder for Agglomerative {
 
     fn memory_bound(&self, count: usize) -> usize {
         let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
-        count * (size_of::<PrimRef>() + size_of::<Pair>() + size_of::<Cluster>() + 32)
+        count * (size_of::<PrimRef>() + Forest::SLOT_BYTES + size_of::<Cluster>() + 32)
             + nodes
             + (1 << 20)
     }

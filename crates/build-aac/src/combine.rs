@@ -1,15 +1,14 @@
 //! Joining the nearest pairs of a few clusters.
 
 use crate::descend::Named;
-use niwaki_core::bottom_up::{Cluster, LeafRule, Pair};
+use niwaki_core::bottom_up::{LeafRule, Slots};
 
-/// Joins the nearest pair until `target` clusters are left. `pairs[0]` is the slot of place
-/// `first`.
+/// Joins the nearest pair until `target` clusters are left. The join of two takes the
+/// slot of the name of the second.
 pub(crate) fn combine(
     clusters: &mut Vec<Named>,
     target: usize,
-    pairs: &mut [Pair],
-    first: usize,
+    slots: &mut Slots<'_>,
     rule: &LeafRule,
 ) {
     while clusters.len() > target.max(1) {
@@ -25,8 +24,6 @@ pub(crate) fn combine(
         }
         let (_, lower, upper) = best;
         let (right, slot) = clusters.remove(upper);
-        let left = clusters[lower].0;
-        pairs[slot as usize - first] = [left, right];
-        clusters[lower].0 = Cluster::join(&left, &right, slot, rule);
+        clusters[lower].0 = slots.join(&clusters[lower].0, &right, slot, rule);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Aac;
 use crate::combine::combine;
-use niwaki_core::bottom_up::{Cluster, LeafRule, Pair};
+use niwaki_core::bottom_up::{Cluster, Forest, LeafRule, Slots};
 use niwaki_core::morton::{Sorted, split};
 use niwaki_core::{PrimRef, to_u32};
 
@@ -35,26 +35,26 @@ impl Context<'_> {
 
     /// The clusters that places `first ..= last` hand on. Recursion is as deep as codes and places
     /// have bits: 95 at most.
-    fn node(&self, first: usize, last: usize, pairs: &mut [Pair]) -> Vec<Named> {
+    fn node(&self, first: usize, last: usize, mut slots: Slots<'_>) -> Vec<Named> {
         let count = last - first + 1;
         let mut clusters = if count <= self.delta {
             (first..=last)
                 .map(|place| {
                     let prim = &self.prims[self.sorted.order[place] as usize];
-                    (Cluster::single(prim.aabb(), to_u32(place), self.rule), to_u32(place))
+                    (Cluster::single(prim.aabb(), to_u32(place)), to_u32(place))
                 })
                 .collect()
         } else {
             let middle = split(&self.sorted.codes, first, last);
-            let (left_pairs, right_pairs) = pairs.split_at_mut(middle - first);
-            let mut left = || self.node(first, middle - 1, left_pairs);
-            let mut right = || self.node(middle, last, right_pairs);
+            let (left_slots, right_slots) = slots.reborrow().split_at(middle - first);
+            let left = || self.node(first, middle - 1, left_slots);
+            let right = || self.node(middle, last, right_slots);
             let (mut left, right) =
                 if count >= GRAIN { rayon::join(left, right) } else { (left(), right()) };
             left.extend(right);
             left
         };
-        combine(&mut clusters, self.kept(count.max(self.delta)), pairs, first, self.rule);
+        combine(&mut clusters, self.kept(count.max(self.delta)), &mut slots, self.rule);
         clusters
     }
 }
@@ -65,7 +65,7 @@ pub(crate) fn join_all(
     sorted: &Sorted,
     config: &Aac,
     rule: &LeafRule,
-) -> (Cluster, Vec<Pair>) {
+) -> (Cluster, Forest) {
     let epsilon = f64::from(config.epsilon);
     let delta = config.delta;
     let context = Context {
@@ -76,8 +76,8 @@ pub(crate) fn join_all(
         exponent: 0.5 - epsilon,
         factor: (delta as f64).powf(0.5 + epsilon) / 2.0,
     };
-    let mut pairs: Vec<Pair> = bytemuck::zeroed_vec(prims.len());
-    let mut clusters = context.node(0, prims.len() - 1, &mut pairs);
-    combine(&mut clusters, 1, &mut pairs, 0, rule);
-    (clusters[0].0, pairs)
+    let mut forest = Forest::new(prims.len());
+    let mut clusters = context.node(0, prims.len() - 1, forest.slots());
+    combine(&mut clusters, 1, &mut forest.slots(), rule);
+    (clusters[0].0, forest)
 }

@@ -25,7 +25,7 @@ mod descend;
 
 pub use agglomerative::Agglomerative;
 
-use niwaki_core::bottom_up::{self, Cluster, LeafRule};
+use niwaki_core::bottom_up::{Cluster, Forest, LeafRule};
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, morton, scene_bounds,
 };
@@ -93,9 +93,9 @@ impl Aac {
             return Ok(Bvh::default());
         }
         let sorted = morton::sort(refs, &scene, 63);
-        let (root, pairs) = descend::join_all(refs, &sorted, self, &rule);
+        let (root, forest) = descend::join_all(refs, &sorted, self, &rule);
         let order = sorted.order;
-        Ok(bottom_up::tree(&root, &pairs, |place| refs[order[place as usize] as usize].prim_id))
+        Ok(forest.tree(&root, |place| refs[order[place as usize] as usize].prim_id))
     }
 }
 
@@ -121,7 +121,7 @@ impl Builder for Aac {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        let pairs = count * size_of::<bottom_up::Pair>();
+        let pairs = count * Forest::SLOT_BYTES;
         let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
         count * (size_of::<PrimRef>() + 16)
             + pairs

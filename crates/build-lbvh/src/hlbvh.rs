@@ -2,7 +2,7 @@
 
 mod top;
 
-use niwaki_core::bottom_up::{self, Cluster, LeafRule, Pair};
+use niwaki_core::bottom_up::{Cluster, Forest, LeafRule, Slots};
 use niwaki_core::morton::{self, Sorted, common_prefix};
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds, to_u32,
@@ -63,18 +63,18 @@ impl Hlbvh {
             return Ok(Bvh::default());
         }
         let Sorted { codes, mut order } = morton::sort(refs, &scene, CODE_BITS);
-        let mut pairs: Vec<Pair> = bytemuck::zeroed_vec(refs.len());
+        let mut forest = Forest::new(refs.len());
 
-        // Treelets, and the slots of their pairs: those of their places.
+        // Treelets, and the slots of their joins: those of their places.
         let mut treelets = Vec::new();
         let mut firsts = Vec::new();
-        let mut rest = &mut pairs[..];
+        let mut rest = forest.slots();
         let mut first = 0;
         while let Some(&code) = codes.get(first) {
             let cell = code >> (CODE_BITS - self.treelet_bits);
             let count = codes[first..]
                 .partition_point(|code| code >> (CODE_BITS - self.treelet_bits) == cell);
-            let (slots, after) = rest.split_at_mut(count);
+            let (slots, after) = rest.split_at(count);
             treelets.push((first, slots));
             firsts.push(to_u32(first));
             rest = after;
@@ -82,19 +82,19 @@ impl Hlbvh {
         }
         let roots: Vec<Cluster> = treelets
             .into_par_iter()
-            .map(|(first, slots)| {
+            .map(|(first, mut slots)| {
                 let leaf = |place: usize| {
                     let bounds = refs[order[place] as usize].aabb();
-                    Cluster::single(bounds, to_u32(place), &rule)
+                    Cluster::single(bounds, to_u32(place))
                 };
-                treelet(&codes, first, slots, leaf, &rule)
+                treelet(&codes, first, &mut slots, leaf, &rule)
             })
             .collect();
         drop(codes);
         order.par_iter_mut().with_min_len(4096).for_each(|i| *i = refs[*i as usize].prim_id);
         drop(prims);
-        let root = top::build(&roots, &firsts, self.bins, &mut pairs, &rule);
-        Ok(bottom_up::tree(&root, &pairs, |place| order[place as usize]))
+        let root = top::build(&roots, &firsts, self.bins, forest.slots(), &rule);
+        Ok(forest.tree(&root, |place| order[place as usize]))
     }
 }
 
@@ -107,19 +107,18 @@ struct Waiting {
 }
 
 /// The linear BVH over the places that `slots` stand for, from `first` on: one pass from the last
-/// to the first, as `chunk::apetrei`. The pair of two neighbours takes the slot of the place where
+/// to the first, as `chunk::apetrei`. The join of two neighbours takes the slot of the place where
 /// the second begins.
 fn treelet(
     codes: &[u64],
     first: usize,
-    slots: &mut [Pair],
+    slots: &mut Slots<'_>,
     leaf: impl Fn(usize) -> Cluster,
     rule: &LeafRule,
 ) -> Cluster {
     let last = first + slots.len() - 1;
     let mut join = |left: &Waiting, right: &Waiting| {
-        slots[right.first - first] = [left.cluster, right.cluster];
-        Cluster::join(&left.cluster, &right.cluster, to_u32(right.first), rule)
+        slots.join(&left.cluster, &right.cluster, to_u32(right.first), rule)
     };
     // Prefixes grow towards the top of the stack, and are at most 95.
     let mut stack: Vec<Waiting> = Vec::new();
@@ -155,7 +154,7 @@ impl Builder for Hlbvh {
 
     fn memory_bound(&self, count: usize) -> usize {
         let treelets = count.min(1 << self.treelet_bits.min(30));
-        let pairs = count * size_of::<Pair>();
+        let pairs = count * Forest::SLOT_BYTES;
         let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
         let codes = count * (size_of::<u64>() + size_of::<u32>());
         let building = count * size_of::<PrimRef>() + codes + pairs;

@@ -2,8 +2,45 @@
 //! same order, hence the same bits.
 
 use crate::search::{self, BLOCK, DISTANCE_MASK, row_len};
+use niwaki_core::bottom_up::Cluster;
 use niwaki_core::to_u32;
 use std::arch::x86_64::*;
+
+/// As [`search::fill_columns`].
+#[target_feature(enable = "avx2")]
+pub(crate) fn fill_columns(
+    clusters: &[Cluster],
+    first: usize,
+    scale: f32,
+    columns: &mut [Vec<f32>; 6],
+) {
+    let (blocks, rest) = clusters.as_chunks::<BLOCK>();
+    for (i, block) in blocks.iter().enumerate() {
+        // SAFETY: a `Cluster` is 32 bytes of plain numbers at an address divisible by 32.
+        let row = |i: usize| unsafe { _mm256_load_ps(std::ptr::from_ref(&block[i]).cast()) };
+        // Two registers of four lanes: the smallest coordinates of four clusters, and the largest.
+        let quad = |i: usize| {
+            let low = |a, b| _mm256_unpacklo_ps(a, b);
+            let high = |a, b| _mm256_unpackhi_ps(a, b);
+            let (a, b, c, d) = (row(i), row(i + 1), row(i + 2), row(i + 3));
+            let (ac, bd) = (low(a, c), low(b, d));
+            // x, y and z of all four, of the smallest corner below, of the largest above.
+            [low(ac, bd), high(ac, bd), low(high(a, c), high(b, d))]
+        };
+        let (lower, upper) = (quad(0), quad(4));
+        for axis in 0..3 {
+            let scale = _mm256_set1_ps(scale);
+            let min = _mm256_permute2f128_ps::<0x20>(lower[axis], upper[axis]);
+            let max = _mm256_permute2f128_ps::<0x31>(lower[axis], upper[axis]);
+            for (column, x) in [(axis, min), (axis + 3, max)] {
+                let to = &mut columns[column][first + i * BLOCK..][..BLOCK];
+                // SAFETY: `to` is eight numbers, at any address.
+                unsafe { _mm256_storeu_ps(to.as_mut_ptr(), _mm256_mul_ps(x, scale)) };
+            }
+        }
+    }
+    search::fill_columns(rest, first + clusters.len() - rest.len(), scale, columns);
+}
 
 /// As [`search::fill_rows`]; fills full blocks.
 #[target_feature(enable = "avx2")]

@@ -6,7 +6,7 @@
 //! consecutive clusters are joined by themselves, nearest pair first, until half are left.
 
 use crate::search::distance;
-use niwaki_core::bottom_up::{Cluster, LeafRule, Pair};
+use niwaki_core::bottom_up::{Cluster, Filled, LeafRule, Slots};
 use niwaki_core::to_u32;
 use rayon::prelude::*;
 
@@ -18,20 +18,25 @@ pub(crate) fn halve(
     clusters: &[Cluster],
     radius: usize,
     next: &mut [Cluster],
-    pairs: &mut [Pair],
-    made: usize,
+    filled: Filled<'_>,
+    mut slots: Slots<'_>,
     rule: &LeafRule,
 ) -> usize {
     // Each full block makes as many pairs as it keeps clusters; the last one pair fewer if odd.
     let joined: usize = clusters.chunks(BLOCK).map(|block| block.len() / 2).sum();
-    clusters
-        .par_chunks(BLOCK)
-        .zip(next[..clusters.len() - joined].par_chunks_mut(BLOCK / 2))
-        .zip(pairs[..joined].par_chunks_mut(BLOCK / 2))
-        .enumerate()
-        .for_each(|(i, ((block, to), pairs))| {
-            halve_block(block, radius, to, pairs, made + i * (BLOCK / 2), rule);
-        });
+    let kept = next[..clusters.len() - joined].chunks_mut(BLOCK / 2);
+    let tasks: Vec<_> = clusters
+        .chunks(BLOCK)
+        .zip(kept)
+        .map(|(block, to)| {
+            let own;
+            (own, slots) = std::mem::take(&mut slots).split_at(block.len() / 2);
+            (block, to, own)
+        })
+        .collect();
+    tasks.into_par_iter().for_each(|(block, to, slots)| {
+        halve_block(block, radius, to, filled, slots, rule);
+    });
     joined
 }
 
@@ -40,8 +45,8 @@ fn halve_block(
     block: &[Cluster],
     radius: usize,
     to: &mut [Cluster],
-    pairs: &mut [Pair],
-    first_pair: usize,
+    filled: Filled<'_>,
+    mut slots: Slots<'_>,
     rule: &LeafRule,
 ) {
     let mut live = block.to_vec();
@@ -59,7 +64,7 @@ fn halve_block(
         best
     };
     let mut best: Vec<_> = (0..live.len()).map(|place| nearest(&live, place)).collect();
-    for (i, pair) in pairs.iter_mut().enumerate() {
+    for slot in slots.first()..slots.first() + slots.len() {
         let mut lower = 0;
         for place in 1..best.len() {
             if best[place].0 < best[lower].0 {
@@ -67,8 +72,7 @@ fn halve_block(
             }
         }
         let upper = lower + best[lower].1;
-        *pair = [live[lower], live[upper]];
-        live[lower] = Cluster::join(&pair[0], &pair[1], to_u32(first_pair + i), rule);
+        live[lower] = slots.join_filled(filled, &live[lower], &live[upper], to_u32(slot), rule);
         live.remove(upper);
         best.remove(upper);
         // All that saw either, or see one more now.

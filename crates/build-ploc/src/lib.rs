@@ -27,9 +27,10 @@ mod crowd;
 mod rounds;
 mod search;
 
-use niwaki_core::bottom_up::{self, Cluster, LeafRule};
+use niwaki_core::bottom_up::{Cluster, Forest, LeafRule};
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, morton, scene_bounds,
+    to_u32,
 };
 use rayon::prelude::*;
 
@@ -81,14 +82,12 @@ impl Ploc {
             .par_iter()
             .with_min_len(4096)
             .enumerate()
-            .map(|(place, &i)| {
-                Cluster::single(refs[i as usize].aabb(), niwaki_core::to_u32(place), &rule)
-            })
+            .map(|(place, &i)| Cluster::single(refs[i as usize].aabb(), to_u32(place)))
             .collect();
         order.par_iter_mut().with_min_len(4096).for_each(|i| *i = refs[*i as usize].prim_id);
         drop(prims);
-        let (root, pairs) = rounds::join_all(clusters, self.radius, &rule);
-        Ok(bottom_up::tree(&root, &pairs, |place| order[place as usize]))
+        let (root, forest) = rounds::join_all(clusters, self.radius, &rule);
+        Ok(forest.tree(&root, |place| order[place as usize]))
     }
 }
 
@@ -106,11 +105,11 @@ impl Builder for Ploc {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        // Two lists of clusters, nearest neighbours, pairs, order; at the end pairs and nodes.
-        let pairs = count * size_of::<bottom_up::Pair>();
+        // Two lists of clusters, nearest neighbours, joins, order; at the end joins and nodes.
+        let joins = count * Forest::SLOT_BYTES;
         let ids = count * 2 * size_of::<u32>();
-        let joining = 2 * count * size_of::<Cluster>() + pairs + ids;
-        let closing = pairs + (2 * count).saturating_sub(1) * size_of::<BvhNode>() + ids;
+        let joining = 2 * count * size_of::<Cluster>() + joins + ids;
+        let closing = joins + (2 * count).saturating_sub(1) * size_of::<BvhNode>() + ids;
         joining.max(closing) + (1 << 20)
     }
 }

@@ -104,17 +104,19 @@ impl Scratch {
         let lanes = radius + best.len();
         let known =
             &clusters[start + before - radius..clusters.len().min(start + best.len() + radius)];
-        for (i, cluster) in known.iter().enumerate() {
-            let corners = [cluster.min.to_array(), cluster.max.to_array()];
-            for (column, x) in self.columns.iter_mut().zip(corners.as_flattened()) {
-                column[before + i] = x * self.scale;
-            }
+        match self.kernel {
+            Kernel::Scalar => fill_columns(known, before, self.scale, &mut self.columns),
+            // SAFETY: `Avx2` is only made where the processor has AVX2.
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2 => unsafe {
+                crate::avx2::fill_columns(known, before, self.scale, &mut self.columns);
+            },
         }
         let first = to_u32(start).wrapping_sub(to_u32(radius));
         let row_len = row_len(radius);
         match self.kernel {
             Kernel::Scalar => fill_rows(&self.columns, &mut self.rows, radius, lanes, first),
-            // SAFETY: `Avx2` is only made where the processor has AVX2.
+            // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx2 => unsafe {
                 crate::avx2::fill_rows(&self.columns, &mut self.rows, radius, lanes, first);
@@ -131,6 +133,21 @@ impl Scratch {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx2 => unsafe { crate::avx2::smallest(&self.rows, radius, best) },
+        }
+    }
+}
+
+/// Fills columns from lane `first` on.
+pub(crate) fn fill_columns(
+    clusters: &[Cluster],
+    first: usize,
+    scale: f32,
+    columns: &mut [Vec<f32>; 6],
+) {
+    for (i, cluster) in clusters.iter().enumerate() {
+        let corners = [cluster.min.to_array(), cluster.max.to_array()];
+        for (column, x) in columns.iter_mut().zip(corners.as_flattened()) {
+            column[first + i] = x * scale;
         }
     }
 }
@@ -189,9 +206,8 @@ pub(crate) fn smallest(rows: &[u32], radius: usize, best: &mut [u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use niwaki_core::bottom_up::LeafRule;
+    use niwaki_core::Aabb;
     use niwaki_core::glam::Vec3;
-    use niwaki_core::{Aabb, SahConstants};
     use proptest::prelude::*;
 
     /// By definition: each place's pair with the smallest number.
@@ -221,9 +237,8 @@ mod tests {
         best
     }
 
-    fn clusters(boxes: impl IntoIterator<Item = Aabb>, scale: AreaScale) -> Vec<Cluster> {
-        let rule = LeafRule::new(1, SahConstants::default(), scale).unwrap();
-        boxes.into_iter().zip(0..).map(|(b, i)| Cluster::single(b, i, &rule)).collect()
+    fn clusters(boxes: impl IntoIterator<Item = Aabb>) -> Vec<Cluster> {
+        boxes.into_iter().zip(0..).map(|(b, i)| Cluster::single(b, i)).collect()
     }
 
     proptest! {
@@ -241,7 +256,7 @@ mod tests {
                 })
                 .collect();
             let scale = AreaScale::of(&boxes.iter().copied().reduce(Aabb::union).unwrap());
-            let clusters = clusters(boxes, scale);
+            let clusters = clusters(boxes);
             let expected = by_definition(&clusters, radius, scale.get());
             for kernel in [Kernel::Scalar, Kernel::fastest()] {
                 prop_assert_eq!(&find(&clusters, radius, kernel, scale), &expected);
@@ -264,7 +279,7 @@ mod tests {
     #[test]
     fn equal_clusters_pair_up() {
         for radius in [1, 2, 14, 64] {
-            let clusters = clusters([Aabb::new(Vec3::ZERO, Vec3::ONE); 1000], AreaScale::ONE);
+            let clusters = clusters([Aabb::new(Vec3::ZERO, Vec3::ONE); 1000]);
             let best = find(&clusters, radius, Kernel::fastest(), AreaScale::ONE);
             assert!((0..1000).all(|place| partner(place, best[place]) == place ^ 1));
         }

@@ -1,6 +1,6 @@
 //! The top tree over treelets: binned surface area heuristic (Garanzha et al. 2011, section 4.2).
 
-use niwaki_core::bottom_up::{Cluster, LeafRule, Pair};
+use niwaki_core::bottom_up::{Cluster, LeafRule, Slots};
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Aabb, to_u32};
 
@@ -34,13 +34,13 @@ fn centroid(cluster: &Cluster) -> Vec3 {
     cluster.aabb().center()
 }
 
-/// Joins the roots of treelets, at least one, by a top-down tree; the pair of two sets of treelets
+/// Joins the roots of treelets, at least one, by a top-down tree; the join of two sets of treelets
 /// takes the slot of the first place of the first treelet of the second.
 pub(super) fn build(
     roots: &[Cluster],
     firsts: &[u32],
     bins: usize,
-    pairs: &mut [Pair],
+    mut slots: Slots<'_>,
     rule: &LeafRule,
 ) -> Cluster {
     let mut ids: Vec<u32> = (0..to_u32(roots.len())).collect();
@@ -69,8 +69,7 @@ pub(super) fn build(
             Node::Treelet(treelet) => (roots[treelet], firsts[treelet]),
             Node::Inner([left, right]) => {
                 let ((left, first), (right, slot)) = (done[left], done[right]);
-                pairs[slot as usize] = [left, right];
-                (Cluster::join(&left, &right, slot, rule), first)
+                (slots.join(&left, &right, slot, rule), first)
             }
         };
     }
@@ -97,7 +96,7 @@ fn split(
         for &id in &*set {
             let cluster = root(id);
             let bin = &mut table[bin_of(cluster, axis, &bounds, last)];
-            *bin = bin.with(&Bin { bounds: cluster.aabb(), prims: cluster.prims });
+            *bin = bin.with(&Bin { bounds: cluster.aabb(), prims: cluster.prims() });
         }
         let mut right = Bin::EMPTY;
         for i in (1..=last).rev() {
