@@ -1,8 +1,9 @@
 //! Subtrees over a part of the order, each built by one thread.
 
-use crate::morton::Sorted;
-use crate::part::{LeafRule, Part};
-use crate::prefix::{common_prefix, split};
+use crate::part::Part;
+use niwaki_core::bottom_up::LeafRule;
+use niwaki_core::morton::Sorted;
+use niwaki_core::morton::{common_prefix, split};
 use niwaki_core::{Aabb, BvhNode, PrimRef, to_u32};
 
 /// A part of the order, and where its nodes go.
@@ -27,7 +28,7 @@ impl Source<'_> {
     #[inline]
     pub(crate) fn leaf(&self, place: usize) -> Part {
         let prim = &self.prims[self.sorted.order[place] as usize];
-        self.rule.leaf(prim.aabb(), to_u32(place))
+        Part::leaf(prim.aabb(), to_u32(place), self.rule)
     }
 }
 
@@ -68,7 +69,7 @@ pub(crate) fn lauterbach(source: Source<'_>, chunk: Chunk<'_>) -> Part {
             let (cost, first, count) = notes[slot];
             Part { node: slots[slot], cost, first, count }
         };
-        let joined = source.rule.join(&part(pair), &part(pair + 1), to_u32(base + pair));
+        let joined = Part::join(&part(pair), &part(pair + 1), to_u32(base + pair), source.rule);
         if joined.node.is_leaf() {
             slots[pair..pair + 2 * (joined.count as usize - 1)].fill(bytemuck::Zeroable::zeroed());
         }
@@ -109,7 +110,7 @@ pub(crate) fn apetrei(source: Source<'_>, chunk: Chunk<'_>) -> Part {
     let mut top = Waiting { part: source.leaf(last), prefix: 0, free };
     let mut merge = |left: &Waiting, right: &Waiting, free: &mut usize| {
         let pair = *free - 2;
-        let part = source.rule.join(&left.part, &right.part, to_u32(base + pair));
+        let part = Part::join(&left.part, &right.part, to_u32(base + pair), source.rule);
         if part.node.is_leaf() {
             *free = right.free;
         } else {

@@ -2,9 +2,9 @@
 
 use crate::chunk::Source;
 use crate::part::Part;
-use crate::prefix::common_prefix;
 use niwaki_core::glam::Vec3;
 use niwaki_core::layout::divide;
+use niwaki_core::morton::common_prefix;
 use niwaki_core::{Aabb, BvhNode, to_u32};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -170,7 +170,7 @@ fn boxes(source: Source<'_>, nodes: &[Inner], leaf_parents: &[AtomicU32]) {
             } else {
                 (nodes[split + 1].part(1), nodes[split + 1].kept.load(Ordering::Relaxed))
             };
-            let part = source.rule.join(&left, &right, 1);
+            let part = Part::join(&left, &right, 1, source.rule);
             let bounds = [part.node.min.to_array(), part.node.max.to_array()];
             for (to, value) in node.bounds.iter().zip(bounds.as_flattened()) {
                 to.store(value.to_bits(), Ordering::Relaxed);

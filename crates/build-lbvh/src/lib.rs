@@ -24,16 +24,17 @@
 //! There are no feature flags.
 
 mod chunk;
+mod hlbvh;
 mod karras;
-mod morton;
 mod part;
-mod prefix;
 mod top_down;
 
-use niwaki_core::builder::{check_max_leaf_size, check_sah};
+pub use hlbvh::Hlbvh;
+
+use niwaki_core::bottom_up::LeafRule;
 use niwaki_core::layout::finish;
 use niwaki_core::{
-    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, scene_bounds,
+    BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, morton, scene_bounds,
 };
 use rayon::prelude::*;
 
@@ -93,8 +94,7 @@ impl Lbvh {
                 remedy: "use 30 or 63",
             });
         }
-        check_max_leaf_size(self.max_leaf_size)?;
-        check_sah(&self.sah)
+        Ok(())
     }
 }
 
@@ -136,8 +136,8 @@ impl Lbvh {
     fn slots(&self, prims: &[PrimRef]) -> Result<(Vec<BvhNode>, Vec<u32>), BuildError> {
         self.check()?;
         let scene = scene_bounds(prims)?;
+        let rule = LeafRule::new(self.max_leaf_size, self.sah, scene.area_scale)?;
         let sorted = morton::sort(prims, &scene, self.code_bits);
-        let rule = part::LeafRule::new(self, scene.area_scale);
         let source = chunk::Source { prims, sorted: &sorted, rule: &rule };
         let nodes = match self.algorithm {
             Algorithm::Lauterbach => top_down::build(source, chunk::lauterbach),

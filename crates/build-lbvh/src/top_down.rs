@@ -2,9 +2,9 @@
 
 use crate::chunk::{Chunk, Source};
 use crate::part::Part;
-use crate::prefix::split;
 use niwaki_core::BvhNode;
 use niwaki_core::layout::slots;
+use niwaki_core::morton::split;
 use niwaki_core::to_u32;
 use rayon::prelude::*;
 
@@ -71,7 +71,7 @@ pub(crate) fn build(
                 (Some(left), Some(right)) => {
                     nodes[pair] = left.node;
                     nodes[pair + 1] = right.node;
-                    Some(source.rule.join(&left, &right, to_u32(pair)))
+                    Some(Part::join(&left, &right, to_u32(pair), source.rule))
                 }
                 _ => None,
             },

@@ -23,8 +23,10 @@
 //! | [`bvh`] | the binary BVH: 32-byte nodes, siblings adjacent |
 //! | [`builder`] | the [`Builder`] trait, its errors and shared checks |
 //! | [`bins`] | bins of centroids and their kernels, scalar and AVX2 |
+//! | [`bottom_up`] | trees that are joined from the primitives up, with leaves by SAH |
 //! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
+//! | [`morton`] | Morton codes, and the order and radix tree that they give |
 //! | [`radix`] | a stable parallel radix sort |
 //! | [`sah`] | surface area heuristic constants |
 //! | [`memory`] | large pages for large arrays |
@@ -34,6 +36,7 @@
 
 pub mod aabb;
 pub mod bins;
+pub mod bottom_up;
 pub mod builder;
 pub mod bvh;
 pub mod clip;
@@ -41,6 +44,7 @@ pub mod float;
 pub mod layout;
 pub mod memory;
 pub mod mesh;
+pub mod morton;
 pub mod prim_ref;
 pub mod radix;
 pub mod ray;

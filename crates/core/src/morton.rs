@@ -1,23 +1,33 @@
-//! Morton codes and the order they put primitives in.
+//! Morton codes and the order they put primitives in: what linear and clustering builders start
+//! from.
+//!
+//! The code of a primitive interleaves the bits of its quantised centroid (Morton 1966; Lauterbach
+//! et al. 2009, section 3.1). Sorted codes are the leaves of a binary radix tree whose nodes are
+//! common prefixes: [`common_prefix`] and [`split`] read it off.
 
-use niwaki_core::glam::Vec3;
-use niwaki_core::radix::sort_by_key;
-use niwaki_core::{AreaScale, PrimRef, SceneBounds, to_u32};
+mod prefix;
+
+pub use prefix::{common_prefix, split};
+
+use crate::radix::sort_by_key;
+use crate::{AreaScale, PrimRef, SceneBounds, to_u32};
+use glam::Vec3;
 use rayon::prelude::*;
 
 const CHUNK: usize = 4096;
 
 /// Primitives in Morton order.
-pub(crate) struct Sorted {
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sorted {
     /// Morton codes, ascending.
-    pub(crate) codes: Vec<u64>,
+    pub codes: Vec<u64>,
     /// For each code the place of its primitive in the input; ascending where codes are equal.
-    pub(crate) order: Vec<u32>,
+    pub order: Vec<u32>,
 }
 
-/// Maps centroids to codes.
+/// Maps centroids to codes: the box of all centroids, cut into equal cells along each axis.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Quantizer {
+pub struct Quantizer {
     /// Twice the smallest centroid.
     low: Vec3,
     /// A power of two that brings tiny or huge extents near 1, so that `scale` is finite.
@@ -28,7 +38,9 @@ pub(crate) struct Quantizer {
 }
 
 impl Quantizer {
-    pub(crate) fn new(scene: &SceneBounds, code_bits: u32) -> Self {
+    /// For the primitives of a scene and codes of `code_bits` bits, a multiple of 3 up to 63.
+    #[must_use]
+    pub fn new(scene: &SceneBounds, code_bits: u32) -> Self {
         let cells = (1_u32 << (code_bits / 3)) as f32;
         let bounds = &scene.centroid2_bounds;
         let pre = AreaScale::of(bounds).get();
@@ -39,8 +51,10 @@ impl Quantizer {
         Self { low: bounds.min, pre, scale: Vec3::from_array(scale), last: cells - 1.0 }
     }
 
+    /// The code of a primitive: x in the highest bit, then y, z, x …
+    #[must_use]
     #[inline]
-    pub(crate) fn code(&self, p: &PrimRef) -> u64 {
+    pub fn code(&self, p: &PrimRef) -> u64 {
         let f = (p.centroid2() - self.low) * self.pre * self.scale;
         let [x, y, z] = f.to_array().map(|f| self.cell(f));
         spread(x) << 2 | spread(y) << 1 | spread(z)
@@ -69,12 +83,14 @@ fn spread(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Sorts by code; equal codes stay in input order.
+/// Sorts by codes of `code_bits` bits, a multiple of 3 up to 63; equal codes stay in input order.
+/// The result does not depend on the number of threads.
 ///
 /// Items are 8 bytes, the upper bits of the code over the index, so that a pass of the radix sort
 /// moves little. Of 63 bits the lower 31 wait until the upper 32 are in order, when the few
 /// primitives that share those are sorted by all of them.
-pub(crate) fn sort(prims: &[PrimRef], scene: &SceneBounds, code_bits: u32) -> Sorted {
+#[must_use]
+pub fn sort(prims: &[PrimRef], scene: &SceneBounds, code_bits: u32) -> Sorted {
     const LONG_RUN: usize = 256;
     let quantizer = Quantizer::new(scene, code_bits);
     let codes: Vec<u64> = prims.par_iter().with_min_len(CHUNK).map(|p| quantizer.code(p)).collect();

@@ -2,8 +2,12 @@
 
 /// Length of the common prefix of the codes at places `i ≠ j` of the order, where equal codes go
 /// on with the places themselves (Karras 2012, section 4): δ(i, j). From 0 to 95.
+///
+/// # Panics
+/// If a place is not one of `codes`.
+#[must_use]
 #[inline]
-pub(crate) fn common_prefix(codes: &[u64], i: usize, j: usize) -> u32 {
+pub fn common_prefix(codes: &[u64], i: usize, j: usize) -> u32 {
     let differing = codes[i] ^ codes[j];
     if differing != 0 {
         differing.leading_zeros()
@@ -15,8 +19,12 @@ pub(crate) fn common_prefix(codes: &[u64], i: usize, j: usize) -> u32 {
 
 /// The first place of the second child of the node over places `first ..= last`, `first < last`:
 /// where the first differing bit of code or place changes (Lauterbach et al. 2009, section 3.2).
+///
+/// # Panics
+/// If the places are not in that order, or not of `codes`.
+#[must_use]
 #[inline]
-pub(crate) fn split(codes: &[u64], first: usize, last: usize) -> usize {
+pub fn split(codes: &[u64], first: usize, last: usize) -> usize {
     let differing = codes[first] ^ codes[last];
     if differing == 0 {
         // Places differ in this bit, and are consecutive: no search.
