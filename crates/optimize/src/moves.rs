@@ -67,8 +67,7 @@ impl Tree {
         let mut moved = self.nodes()[target as usize];
         let mut gain = 0.0;
         let mut inner = moved;
-        inner.set_first(pair);
-        inner.max.w = f32::from_bits(0);
+        inner.make_inner(pair);
         if target == 0 {
             let kept = if moved.is_leaf() {
                 moved.bounds()

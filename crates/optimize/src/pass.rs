@@ -29,27 +29,47 @@ pub trait Optimizer: Sync {
     fn memory_bound(&self, nodes: usize, references: usize) -> usize;
 }
 
-/// Runs `work` on a copy of the tree and keeps the result if it costs less. `work` returns the
-/// iterations it began and the changes it made.
-pub(crate) fn improve(
+/// What a pass made of a tree.
+pub(crate) struct Outcome {
+    pub(crate) iterations: u32,
+    pub(crate) changes: u64,
+    /// The new tree; `None` if there is none.
+    pub(crate) bvh: Option<Bvh>,
+}
+
+/// Runs `work`, which rearranges nodes and returns the iterations it began and the changes it
+/// made, and keeps the result if it costs less.
+pub(crate) fn rearrange(
     bvh: &mut Bvh,
     constants: &SahConstants,
     work: impl FnOnce(&mut Tree) -> (u32, u64),
+) -> Result<Report, OptimizeError> {
+    improve(bvh, constants, |source| {
+        let Some(mut tree) = Tree::new(source)? else { return Ok(None) };
+        let (iterations, changes) = work(&mut tree);
+        let bvh = (changes > 0).then(|| tree.to_bvh(source));
+        Ok(Some(Outcome { iterations, changes, bvh }))
+    })
+}
+
+/// Keeps what `work` makes of the tree if it costs less.
+pub(crate) fn improve(
+    bvh: &mut Bvh,
+    constants: &SahConstants,
+    work: impl FnOnce(&Bvh) -> Result<Option<Outcome>, OptimizeError>,
 ) -> Result<Report, OptimizeError> {
     let start = Instant::now();
     check_constants(constants)?;
     let before = sah(bvh, constants);
     let mut report = Report { before, after: before, ..Report::default() };
-    if let Some(mut tree) = Tree::new(bvh)? {
-        let (iterations, changes) = work(&mut tree);
-        report.iterations = iterations;
-        if changes > 0 {
-            let better = tree.to_bvh(bvh);
+    if let Some(outcome) = work(bvh)? {
+        report.iterations = outcome.iterations;
+        if let Some(better) = outcome.bvh {
             let after = sah(&better, constants);
             if after < before {
                 *bvh = better;
                 report.after = after;
-                report.changes = changes;
+                report.changes = outcome.changes;
             }
         }
     }
@@ -65,8 +85,8 @@ pub(crate) fn check_constants(constants: &SahConstants) -> Result<(), OptimizeEr
     })
 }
 
-/// Bytes that [`improve`] takes: the tree taken apart, a stack, and the result.
-pub(crate) const fn improve_memory(nodes: usize, references: usize) -> usize {
+/// Bytes that [`rearrange`] takes: the tree taken apart, a stack, and the result.
+pub(crate) const fn rearrange_memory(nodes: usize, references: usize) -> usize {
     let taken_apart = (64 + 4) * (nodes / 2 + 1);
     let stack = 16 * nodes;
     let result = 32 * nodes + 4 * references;

@@ -1,6 +1,6 @@
 //! Parallel reinsertion (Meister and Bittner 2018).
 
-use crate::pass::{improve, improve_memory};
+use crate::pass::{rearrange, rearrange_memory};
 use crate::search::{Move, best_move};
 use crate::tree::Tree;
 use crate::{Budget, OptimizeError, Optimizer, Report};
@@ -117,10 +117,10 @@ impl Optimizer for Reinsertion {
 
     fn optimize(&self, bvh: &mut Bvh) -> Result<Report, OptimizeError> {
         self.check()?;
-        improve(bvh, &self.constants, |tree| self.run(tree))
+        rearrange(bvh, &self.constants, |tree| self.run(tree))
     }
 
     fn memory_bound(&self, nodes: usize, references: usize) -> usize {
-        improve_memory(nodes, references) + (8 + 4) * nodes + 32 * self.batch_size as usize
+        rearrange_memory(nodes, references) + (8 + 4) * nodes + 32 * self.batch_size as usize
     }
 }

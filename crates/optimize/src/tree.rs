@@ -3,8 +3,9 @@
 use crate::OptimizeError;
 use niwaki_core::glam::{Vec3, Vec4, Vec4Swizzles};
 use niwaki_core::{Aabb, AreaScale, Bvh, BvhNode, to_u32};
+use rayon::prelude::*;
 
-/// The root has no parent.
+/// [`Tree::parents`] of the root.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A [`BvhNode`] in two four-lane registers.
@@ -33,6 +34,13 @@ impl Node {
     #[inline]
     pub(crate) fn set_first(&mut self, first: u32) {
         self.min.w = f32::from_bits(first);
+    }
+
+    /// Makes this an inner node with the children `first` and `first + 1`.
+    #[inline]
+    pub(crate) fn make_inner(&mut self, first: u32) {
+        self.set_first(first);
+        self.max.w = f32::from_bits(0);
     }
 
     #[inline]
@@ -70,8 +78,6 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    pub(crate) const EMPTY: Self = Self { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
-
     #[inline]
     pub(crate) fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -80,8 +86,10 @@ impl Bounds {
     /// Half the surface area of the scaled box, as [`Aabb::half_area`].
     #[inline]
     pub(crate) fn area(self, scale: f32) -> f32 {
-        let e = (self.max - self.min) * scale;
-        let p = e * e.yzxw();
+        // What stands in the fourth lane are denormal numbers as a rule, which processors take a
+        // hundred times as long to multiply: keep them out.
+        let e = (self.max - self.min).xyzz() * scale;
+        let p = e * e.yzxx();
         p.x + p.y + p.z
     }
 
@@ -95,16 +103,10 @@ impl Bounds {
     }
 }
 
-impl From<Aabb> for Bounds {
-    fn from(b: Aabb) -> Self {
-        Self { min: b.min.extend(0.0), max: b.max.extend(0.0) }
-    }
-}
-
 /// Two siblings: one cache line.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Pair([Node; 2]);
+pub(crate) struct Pair(pub(crate) [Node; 2]);
 
 /// A tree of at least one inner node, taken apart for a pass.
 ///
@@ -112,7 +114,7 @@ pub(crate) struct Pair([Node; 2]);
 /// the [`Bvh`] that the tree was made from, and refer to its [`Bvh::prim_ids`].
 #[derive(Clone, Debug)]
 pub(crate) struct Tree {
-    pairs: Vec<Pair>,
+    pub(crate) pairs: Vec<Pair>,
     /// The parent of both nodes of a pair, by half their index.
     pub(crate) parents: Vec<u32>,
     /// [`AreaScale::get`] of the root.
@@ -200,9 +202,42 @@ impl Tree {
         a.bounds().union(b.bounds())
     }
 
-    #[inline]
-    pub(crate) fn area(&self, node: u32) -> f32 {
-        self.nodes()[node as usize].bounds().area(self.scale)
+    /// Sum of the areas of all inner nodes, in `f64`; the same for every number of threads.
+    pub(crate) fn inner_area(&self) -> f64 {
+        let sums: Vec<f64> = self
+            .nodes()
+            .par_chunks(1 << 14)
+            .map(|nodes| {
+                let inner = nodes.iter().filter(|node| !node.is_leaf());
+                inner.map(|node| f64::from(node.bounds().area(self.scale))).sum()
+            })
+            .collect();
+        sums.iter().sum()
+    }
+
+    /// Brings the pairs back into depth-first order and makes the parent links anew, which need
+    /// not be right before.
+    pub(crate) fn relayout(&mut self) {
+        let mut pairs: Vec<Pair> = Vec::with_capacity(self.pairs.len());
+        self.parents.clear();
+        self.parents.push(NONE);
+        pairs.push(self.pairs[0]);
+        let mut stack = vec![0_u32];
+        while let Some(here) = stack.pop() {
+            let node = &mut pairs[here as usize / 2].0[here as usize % 2];
+            let source = node.first();
+            let index = to_u32(2 * self.parents.len());
+            node.set_first(index);
+            self.parents.push(here);
+            let pair = self.pairs[source as usize / 2];
+            pairs.push(pair);
+            for side in [1, 0] {
+                if !pair.0[side].is_leaf() {
+                    stack.push(index + to_u32(side));
+                }
+            }
+        }
+        self.pairs = pairs;
     }
 
     /// Boxes of inner nodes from their children. Only for depth-first order, in which children

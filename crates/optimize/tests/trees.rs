@@ -3,10 +3,10 @@
 use niwaki_build_sweep::Sweep;
 use niwaki_core::{Builder, SahConstants};
 use niwaki_metrics::{sah, validate};
-use niwaki_optimize::{Optimizer, Reinsertion};
+use niwaki_optimize::{Annealing, CollapseLeaves, Optimizer, Reinsertion, Rotations, Treelets};
 
 fn passes() -> Vec<Box<dyn Optimizer>> {
-    vec![Box::new(Reinsertion::default())]
+    vec![Box::new(Reinsertion::default()), Box::new(CollapseLeaves::default())]
 }
 
 #[test]
