@@ -4,7 +4,7 @@ use crate::tree::{Bounds, NONE, Node, Tree};
 
 /// Deeper targets are refused: the way up from one is walked to rule out cycles. Trees of builders
 /// are some 100 deep at most, chains made by hand can be 1,000,000 deep.
-const MAX_DEPTH: usize = 4096;
+const MAX_DEPTH: usize = 1024;
 
 impl Tree {
     /// Takes `node` out, lets its sibling take the place of their parent, and inserts `node` as a
@@ -45,7 +45,7 @@ impl Tree {
 
     /// Takes `node` out; its pair stays reserved for [`Tree::insert`]. Returns by how much the
     /// sum of inner areas fell.
-    fn remove(&mut self, node: u32) -> f32 {
+    pub(crate) fn remove(&mut self, node: u32) -> f32 {
         let parent = self.parent(node);
         let old = self.nodes()[parent as usize];
         let mut moved = self.nodes()[node as usize ^ 1];
@@ -62,7 +62,7 @@ impl Tree {
     }
 
     /// Makes `node`, which was taken out, the sibling of `target`.
-    fn insert(&mut self, node: u32, target: u32) -> f32 {
+    pub(crate) fn insert(&mut self, node: u32, target: u32) -> f32 {
         let pair = node & !1;
         let mut moved = self.nodes()[target as usize];
         let mut gain = 0.0;

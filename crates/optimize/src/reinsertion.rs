@@ -17,6 +17,10 @@ pub struct Reinsertion {
     /// The share of all nodes that one iteration tries to move, those of the largest area first.
     /// Above 0, at most 1.
     pub batch_fraction: f32,
+    /// How fast the share falls: iteration i, from 0, tries `batch_fraction / (1 + falloff·i)`.
+    /// What is large matters most and takes several rounds to settle. 0, the paper's choice,
+    /// keeps the share. Finite, not negative.
+    pub falloff: f32,
     /// Nodes that are searched for at the same time, before the moves found are made. Part of the
     /// result; at least 1.
     pub batch_size: u32,
@@ -29,10 +33,11 @@ pub struct Reinsertion {
 impl Default for Reinsertion {
     fn default() -> Self {
         Self {
-            budget: Budget::iterations(3),
-            batch_fraction: 0.05,
-            batch_size: 4096,
-            max_visits: 4096,
+            budget: Budget::iterations(8),
+            batch_fraction: 0.2,
+            falloff: 2.0,
+            batch_size: 512,
+            max_visits: 512,
             constants: SahConstants::default(),
         }
     }
@@ -45,6 +50,13 @@ impl Reinsertion {
                 setting: "batch_fraction",
                 value: self.batch_fraction.to_string(),
                 remedy: "above 0 and at most 1",
+            });
+        }
+        if !(self.falloff.is_finite() && self.falloff >= 0.0) {
+            return Err(OptimizeError::BadSetting {
+                setting: "falloff",
+                value: self.falloff.to_string(),
+                remedy: "a finite number, not negative",
             });
         }
         for (setting, value) in [("batch_size", self.batch_size), ("max_visits", self.max_visits)] {
@@ -61,9 +73,10 @@ impl Reinsertion {
         let (mut iterations, mut changes) = (0, 0);
         let mut moves: Vec<Option<Move>> = Vec::new();
         while iterations < self.budget.iterations && !clock.is_over() {
+            let fraction = self.batch_fraction / (1.0 + self.falloff * iterations as f32);
             iterations += 1;
             let before = changes;
-            for batch in largest(tree, self.batch_fraction).chunks(self.batch_size as usize) {
+            for batch in largest(tree, fraction).chunks(self.batch_size as usize) {
                 batch
                     .par_iter()
                     .with_min_len(16)

@@ -2,6 +2,8 @@
 //! 2018, section 3.1).
 
 use crate::tree::Tree;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 /// A move that pays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,4 +98,35 @@ pub(crate) fn best_move(
         pivot = tree.parent(pivot);
     }
     (best.target != node).then_some(best)
+}
+
+/// The place where a subtree that was taken out costs least, looking at the most promising nodes
+/// first and at no more than `max_visits` (Bittner, Hapala and Havran 2013, section 3.1).
+pub(crate) fn best_place(tree: &Tree, node: u32, max_visits: u32) -> u32 {
+    let nodes = tree.nodes();
+    let scale = tree.scale;
+    let bounds = nodes[node as usize].bounds();
+    let area = bounds.area(scale);
+    let mut best = (f32::INFINITY, 0_u32);
+    // What the boxes above grow by is not negative, so that its bits sort as it does.
+    let mut open = BinaryHeap::from([Reverse((0_u32, 0_u32))]);
+    let mut visits = 0;
+    while let Some(Reverse((above, place))) = open.pop() {
+        let above = f32::from_bits(above);
+        if above + area >= best.0 || visits == max_visits {
+            break;
+        }
+        visits += 1;
+        let x = &nodes[place as usize];
+        let merged = x.bounds().union(bounds).area(scale);
+        if above + merged < best.0 {
+            best = (above + merged, place);
+        }
+        let below = (above + merged - x.bounds().area(scale)).max(0.0);
+        if !x.is_leaf() && below + area < best.0 {
+            open.push(Reverse((below.to_bits(), x.first())));
+            open.push(Reverse((below.to_bits(), x.first() + 1)));
+        }
+    }
+    best.1
 }
