@@ -2,7 +2,7 @@
 
 use crate::bottom_up::bottom_up;
 use crate::pass::{rearrange, rearrange_memory};
-use crate::rotation::{Rotations, Swap, apply, for_each_swap, sweep_memory};
+use crate::rotation::{Rotations, apply, for_each_swap, sweep_memory};
 use crate::tree::Tree;
 use crate::{Budget, OptimizeError, Optimizer, Report};
 use fastrand::Rng;
@@ -12,17 +12,19 @@ use niwaki_core::{Bvh, SahConstants};
 /// rotations for improving bounding volume hierarchies*, Symposium on Interactive Ray Tracing
 /// 2008, section 3.2).
 ///
-/// An iteration visits all inner nodes from the leaves up and draws one of the rotations at each.
-/// One that lowers the cost by g is made; one that raises it by g is made with probability
-/// exp(−g / T), where g is relative to the area of the node, so that the shape of the tree and not
-/// its place decides. T falls to a hundredth from the first iteration to the last. Hill climbing
-/// ([`Rotations`]) follows, and the best tree that was seen is the result.
+/// An iteration visits all inner nodes from the leaves up and, at each, draws one of the rotations
+/// or none with probability proportional to exp(g / T): g is what the rotation lowers the cost by,
+/// 0 for none, relative to the area of the node, so that the shape of the tree and not its place
+/// decides. (The paper tries one rotation at a time; this *heat bath* leads to the same
+/// distribution, and to plain hill climbing as T falls.) T falls to a hundredth from the first
+/// iteration to the last. Hill climbing ([`Rotations`]) follows, and the best tree that was seen is
+/// the result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Annealing {
-    /// Sweeps over the tree while T falls, 50 by default. Time spent counts for the hill climbing
+    /// Sweeps over the tree while T falls, 100 by default. Time spent counts for the hill climbing
     /// as well.
     pub budget: Budget,
-    /// T of the first iteration. Finite, above 0; 0.02 by default.
+    /// T of the first iteration. Finite, above 0; 0.1 by default.
     pub temperature: f32,
     /// Seed of all draws. The same seed gives the same tree for every number of threads.
     pub seed: u64,
@@ -33,8 +35,8 @@ pub struct Annealing {
 impl Default for Annealing {
     fn default() -> Self {
         Self {
-            budget: Budget::iterations(50),
-            temperature: 0.02,
+            budget: Budget::iterations(100),
+            temperature: 0.1,
             seed: 0,
             constants: SahConstants::default(),
         }
@@ -61,27 +63,24 @@ impl Annealing {
             let temperature = self.temperature * cooled;
             let salt = self.seed ^ u64::from(iterations).wrapping_mul(0x9E37_79B9_7F4A_7C15);
             changes += bottom_up(tree, |part, index, node| {
-                let mut swaps = [Swap { a: 0, b: 0, gain: 0.0 }; 6];
-                let mut count = 0;
-                for_each_swap(part, node, |swap| {
-                    swaps[count] = swap;
-                    count += 1;
-                });
-                if count == 0 {
-                    return 0;
-                }
                 let mut rng = Rng::with_seed(salt.wrapping_add(u64::from(index) << 32));
                 // Neighbouring seeds give neighbouring first numbers.
                 rng.u64(..);
-                let swap = swaps[rng.usize(..count)];
-                let whole = part.area(node.bounds());
-                // Where areas are 0 or not finite this is NaN, and nothing is done.
-                let accepted = swap.gain > 0.0
-                    || (swap.gain < 0.0 && rng.f32() < (swap.gain / (whole * temperature)).exp());
-                if accepted {
+                let unit = part.area(node.bounds()) * temperature;
+                // The largest of weights with Gumbel noise is a draw by the exponentials. Where
+                // areas are 0 or not finite, weights are NaN and nothing is drawn.
+                let mut noise = || -(-rng.f32().max(f32::MIN_POSITIVE).ln()).ln();
+                let mut best = (noise(), None);
+                for_each_swap(part, node, |swap| {
+                    let weight = swap.gain / unit + noise();
+                    if weight > best.0 {
+                        best = (weight, Some(swap));
+                    }
+                });
+                if let Some(swap) = best.1 {
                     apply(part, node, swap);
                 }
-                u64::from(accepted)
+                u64::from(best.1.is_some())
             });
             iterations += 1;
             keep(tree);

@@ -86,9 +86,16 @@ fn split_triangles_stay_covered() {
     }
 }
 
+/// Small triangles and a few that are 50 times as large.
+fn mixed_soup(count: usize) -> TriangleMesh {
+    let small = niwaki_hard_cases::soup(count, 0.01, 1);
+    let large = niwaki_hard_cases::soup(count / 20, 0.5, 2);
+    TriangleMesh::from_triangles(&[small, large].concat()).unwrap()
+}
+
 #[test]
 fn bytes_do_not_depend_on_threads() {
-    let mesh = soup_mesh(30_000, 0.05, 3);
+    let mesh = mixed_soup(20_000);
     let tree = median_tree(&mesh, 1);
     for pass in passes() {
         let run = |threads| {
@@ -109,17 +116,14 @@ fn bytes_do_not_depend_on_threads() {
 fn bad_trees_get_much_better() {
     // Halving at the median ignores areas; published gains of these passes on such trees are
     // some 10 to 30 percent.
-    let mesh = TriangleMesh::from_triangles(
-        &[niwaki_hard_cases::soup(6000, 0.01, 1), niwaki_hard_cases::soup(300, 0.5, 2)].concat(),
-    )
-    .unwrap();
+    let mesh = mixed_soup(6000);
     let tree = median_tree(&mesh, 1);
     let ratio = |pass: &dyn Optimizer| cost(&check(pass, &tree, &mesh, "soup")) / cost(&tree);
     assert!(ratio(&Reinsertion::default()) < 0.8);
     assert!(ratio(&Insertion::default()) < 0.8);
     assert!(ratio(&Treelets::default()) < 0.85);
     assert!(ratio(&Rotations::default()) < 0.9);
-    assert!(ratio(&Annealing::default()) < ratio(&Rotations::default()));
+    assert!(ratio(&Annealing::default()) < 0.97 * ratio(&Rotations::default()));
     assert!(ratio(&Prune::new(Sweep::default())) < 0.95);
     // A sweep tree is hard to better, but can be.
     let sweep = single().build_mesh(&mesh).unwrap();
@@ -334,7 +338,10 @@ fn chains_of_passes_and_optimized_builders() {
     assert_eq!(Optimized::new(single(), Rotations::default()).named("x").name(), "x");
     assert_eq!(builder.build(&[]).unwrap(), Bvh::default());
     for (prims, _) in niwaki_hard_cases::bad_prim_refs() {
-        assert_eq!(builder.build(&prims), single().build(&prims));
+        assert!(matches!(
+            builder.build(&prims),
+            Err(niwaki_core::BuildError::NonFiniteBounds { .. })
+        ));
     }
     let bad = Optimized::new(single(), Treelets { leaves: 1, ..Treelets::default() });
     assert!(matches!(
