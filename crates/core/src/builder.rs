@@ -37,6 +37,15 @@ pub enum BuildError {
         /// What it may hold.
         remedy: &'static str,
     },
+    /// A builder that works on the tree of another one was given a tree that is not sound.
+    /// Remedy: report a bug in the inner builder; `niwaki_metrics::validate` names all faults.
+    #[error("the inner builder's tree is broken at node {node}: {fault}")]
+    BrokenTree {
+        /// Index of the node.
+        node: usize,
+        /// What is wrong there.
+        fault: &'static str,
+    },
 }
 
 /// Builds a binary BVH. Implementations run on the current rayon pool
