@@ -24,6 +24,7 @@
 //! | [`builder`] | the [`Builder`] trait, its errors and shared checks |
 //! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
+//! | [`partition`] | partitioning one list with all threads, in place |
 //! | [`radix`] | a stable parallel radix sort |
 //! | [`sah`] | surface area heuristic constants |
 //! | [`float`] | rounding-aware arithmetic |
@@ -37,6 +38,7 @@ pub mod clip;
 pub mod float;
 pub mod layout;
 pub mod mesh;
+pub mod partition;
 pub mod prim_ref;
 pub mod radix;
 pub mod ray;
