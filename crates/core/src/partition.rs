@@ -74,7 +74,7 @@ mod tests {
     fn fronts_of_all_chunks_come_first() {
         for len in [0_u32, 1, 7, 8, 9, 100, 1001] {
             for modulus in [1, 2, 3, 10, 1000] {
-                let is_front = |x: &u32| x * 7919 % 1009 % modulus == 0;
+                let is_front = |x: &u32| (x * 7919 % 1009).is_multiple_of(modulus);
                 let mut items: Vec<u32> = (0..len).collect();
                 let fronts: Vec<usize> = items
                     .chunks_mut(8)
