@@ -131,7 +131,8 @@ impl Bonsai {
     /// [`Bonsai::bonsai_p`].
     #[must_use]
     pub fn bonsai_s() -> Self {
-        Self { split: Some(SplitPartition::default()), ..Self::bonsai_p() }
+        let split = SplitPartition { reference_cost: 1.5, ..SplitPartition::default() };
+        Self { split: Some(split), ..Self::bonsai_p() }
     }
 
     /// Builds a tree over a mesh and reports what each step took.

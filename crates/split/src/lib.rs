@@ -22,9 +22,11 @@
 //!
 //! There are no feature flags.
 
+mod divide;
 mod partition;
 mod pre_split;
 mod sets;
+mod shared;
 
 pub use partition::{GroupSize, Partition, SplitPartition};
 pub use pre_split::{PreSplit, PreSplitter};

@@ -1,12 +1,11 @@
 //! SAH-guided mid-point split partitioning (thesis paper V, sections 3.2 and 4.1).
 
-use crate::sets::{Plane, Set, Sides, cost};
+use crate::divide::{self, Rule};
+use crate::sets::Set;
 use niwaki_core::builder::MAX_PRIMS;
-use niwaki_core::{
-    Aabb, BoxClip, BuildError, Clip, PrimRef, TriangleMesh, layout, scene_bounds, to_u32,
-};
+use niwaki_core::{Aabb, BoxClip, BuildError, Clip, PrimRef, TriangleMesh, scene_bounds, to_u32};
+use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Mutex;
 
 /// Where partitioning ends: the most references of a group.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,11 +43,20 @@ pub struct SplitPartition {
     /// The most references that splitting adds, as a fraction of the input: 0 splits nothing. Room
     /// for them is reserved from the start. Finite and not negative.
     pub max_extra: f32,
+    /// What C_S has to gain for the references that it adds: overlapping references are split where
+    /// C_S < C_O·(1 − `reference_cost`·g), with g the number of added references as a fraction of
+    /// those in the set. Finite and not negative.
+    ///
+    /// 0 is the paper's rule, which has no such bias. It counts a reference at the area of the
+    /// whole half that it falls into, and on even tessellations the gain and the cost of splitting
+    /// are about the same: references are added that change nothing.
+    pub reference_cost: f32,
 }
 
 impl Default for SplitPartition {
+    /// The paper's settings, with room for twice the references.
     fn default() -> Self {
-        Self { group_size: GroupSize::Interpolated, max_extra: 1.0 }
+        Self { group_size: GroupSize::Interpolated, max_extra: 1.0, reference_cost: 0.0 }
     }
 }
 
@@ -108,9 +116,9 @@ impl SplitPartition {
     /// Partitions the triangles of a mesh.
     ///
     /// # Errors
-    /// [`BuildError::BadSetting`] and [`BuildError::TooManyPrimitives`].
+    /// [`BuildError::TooManyPrimitives`], and [`BuildError::BadSetting`] as the fields say.
     pub fn partition_mesh(&self, mesh: &TriangleMesh) -> Result<Partition, BuildError> {
-        self.partition(&mesh.prim_refs(), mesh)
+        self.run(mesh.len(), |i| PrimRef::new(mesh.triangle(i).bounds(), to_u32(i)), mesh)
     }
 
     /// Partitions boxes of which nothing else is known.
@@ -124,25 +132,51 @@ impl SplitPartition {
     /// Partitions references to primitives that `clip` knows.
     ///
     /// # Errors
-    /// [`BuildError::NonFiniteBounds`] names the first bad reference;
-    /// [`BuildError::TooManyPrimitives`] counts those that splitting may add;
-    /// [`BuildError::BadSetting`] as the fields say.
+    /// [`BuildError::NonFiniteBounds`] names the first bad reference; others as
+    /// [`SplitPartition::partition_mesh`].
     pub fn partition<C: Clip + ?Sized>(
         &self,
         prims: &[PrimRef],
         clip: &C,
     ) -> Result<Partition, BuildError> {
         self.check()?;
-        let input = prims.len();
-        let capacity = self.max_references(input);
-        if capacity > MAX_PRIMS {
-            return Err(BuildError::TooManyPrimitives { count: capacity, max: MAX_PRIMS });
+        scene_bounds(prims)?;
+        self.run(prims.len(), |i| prims[i], clip)
+    }
+
+    /// Partitions `count` references that are made when they are asked for.
+    fn run<C: Clip + ?Sized>(
+        &self,
+        count: usize,
+        prim: impl Fn(usize) -> PrimRef + Sync,
+        clip: &C,
+    ) -> Result<Partition, BuildError> {
+        const CHUNK: usize = 4096;
+        self.check()?;
+        if count > MAX_PRIMS {
+            return Err(BuildError::TooManyPrimitives { count, max: MAX_PRIMS });
         }
-        let bounds = scene_bounds(prims)?.bounds;
-        let mut all = bytemuck::zeroed_vec(capacity);
-        all[..input].copy_from_slice(prims);
-        let groups = run(&mut all, input, self.group_size.of(input), clip);
-        Ok(Partition { prims: all, groups, input, bounds })
+        // Room that is not used is never touched, so that the system need not back it with memory.
+        let mut prims: Vec<PrimRef> = bytemuck::zeroed_vec(self.max_references(count));
+        let parts: Vec<Set> = prims[..count]
+            .par_chunks_mut(CHUNK)
+            .enumerate()
+            .map(|(chunk, prims)| {
+                let mut set = Set::EMPTY;
+                for (i, place) in (chunk * CHUNK..).zip(prims) {
+                    *place = prim(i);
+                    set.add(place);
+                }
+                set
+            })
+            .collect();
+        let whole = parts.into_iter().fold(Set::EMPTY, Set::union);
+        let rule = Rule {
+            group_size: self.group_size.of(count),
+            reference_cost: f64::from(self.reference_cost),
+        };
+        let groups = divide::run(&mut prims, &whole, &rule, clip);
+        Ok(Partition { prims, groups, input: count, bounds: whole.bounds() })
     }
 
     /// The most references that `count` primitives become.
@@ -151,12 +185,26 @@ impl SplitPartition {
         max_references(count, self.max_extra)
     }
 
+    /// The most bytes that partitioning `count` primitives allocates at once, the result included.
+    #[must_use]
+    pub fn memory_bound(&self, count: usize) -> usize {
+        let capacity = self.max_references(count);
+        size_of::<PrimRef>() * capacity + divide::memory_bound(count, capacity)
+    }
+
     fn check(&self) -> Result<(), BuildError> {
         if self.group_size == GroupSize::Fixed(0) {
             return Err(BuildError::BadSetting {
                 setting: "group_size",
                 value: "0".into(),
                 remedy: "a group holds at least 1 reference",
+            });
+        }
+        if !(self.reference_cost.is_finite() && self.reference_cost >= 0.0) {
+            return Err(BuildError::BadSetting {
+                setting: "reference_cost",
+                value: self.reference_cost.to_string(),
+                remedy: "a factor, finite and not negative",
             });
         }
         check_max_extra(self.max_extra)
@@ -180,127 +228,7 @@ pub(crate) fn check_max_extra(max_extra: f32) -> Result<(), BuildError> {
     reason = "a checked fraction; what does not fit saturates and is refused by its size"
 )]
 pub(crate) fn max_references(count: usize, max_extra: f32) -> usize {
-    count.saturating_add((count as f64 * f64::from(max_extra)) as usize)
-}
-
-/// A set that may have to be divided.
-struct Task<'a> {
-    /// The references, then room for more.
-    region: &'a mut [PrimRef],
-    len: usize,
-    /// Index of the region in the whole array.
-    first: usize,
-    centroids: Aabb,
-}
-
-/// Partitions the first `count` references of `all`; returns the groups in order.
-fn run<C: Clip + ?Sized>(
-    all: &mut [PrimRef],
-    count: usize,
-    group_size: usize,
-    clip: &C,
-) -> Vec<Range<u32>> {
-    if count == 0 {
-        return Vec::new();
-    }
-    let mut whole = Set::EMPTY;
-    for prim in &all[..count] {
-        whole.add(prim.aabb());
-    }
-    let groups = Mutex::new(Vec::new());
-    layout::divide(
-        Task { region: all, len: count, first: 0, centroids: whole.centroids },
-        1 << 13,
-        |task| task.len,
-        Vec::new,
-        |task, overlapping| {
-            if task.len > group_size {
-                return Some(step(task, clip, overlapping));
-            }
-            let group = to_u32(task.first)..to_u32(task.first + task.len);
-            groups.lock().expect("no holder of the lock can panic").push(group);
-            None
-        },
-    );
-    let mut groups = groups.into_inner().expect("no holder of the lock can panic");
-    groups.sort_unstable_by_key(|group| group.start);
-    groups
-}
-
-/// Divides a set of at least two references.
-fn step<'a, C: Clip + ?Sized>(
-    task: Task<'a>,
-    clip: &C,
-    overlapping: &mut Vec<u32>,
-) -> [Task<'a>; 2] {
-    let Task { region, mut len, first, centroids } = task;
-    let Some(plane) = Plane::middle(&centroids) else {
-        return divide(region, len, first, len / 2, [centroids; 2]);
-    };
-    overlapping.clear();
-    let mut sides = Sides::EMPTY;
-    sides.measure(&region[..len], 0, plane, overlapping);
-    let mut chosen = sides.unsplit();
-    if !overlapping.is_empty() && len + overlapping.len() <= region.len() {
-        let mut split = [Set::EMPTY; 2];
-        for &index in overlapping.iter() {
-            let halves = clip.clip(&region[index as usize], plane.axis, plane.position);
-            for (set, half) in split.iter_mut().zip(halves) {
-                if !half.is_empty() {
-                    set.add(half);
-                }
-            }
-        }
-        let halved = sides.split(&split);
-        if halved.iter().all(|set| set.count > 0) && cost(&halved) < cost(&chosen) {
-            chosen = halved;
-            for &index in overlapping.iter() {
-                let prim = region[index as usize];
-                let halves = clip.clip(&prim, plane.axis, plane.position);
-                let mut parts = halves.iter().filter(|half| !half.is_empty()).map(|half| PrimRef {
-                    min: half.min,
-                    max: half.max,
-                    ..prim
-                });
-                if let Some(part) = parts.next() {
-                    region[index as usize] = part;
-                }
-                if let Some(part) = parts.next() {
-                    region[len] = part;
-                    len += 1;
-                }
-            }
-        }
-    }
-    let mut left = 0;
-    for i in 0..len {
-        if plane.is_left(&region[i]) {
-            region.swap(i, left);
-            left += 1;
-        }
-    }
-    divide(region, len, first, left, chosen.map(|set| set.centroids))
-}
-
-/// Gives each side its share of the free room.
-fn divide(
-    region: &mut [PrimRef],
-    len: usize,
-    first: usize,
-    left: usize,
-    centroids: [Aabb; 2],
-) -> [Task<'_>; 2] {
-    let free = region.len() - len;
-    #[expect(clippy::cast_possible_truncation, reason = "at most `free`")]
-    let free_left = (free as u64 * left as u64 / len as u64) as usize;
-    // Order does not matter: the first of the right side become its last.
-    let right = len - left;
-    let moved = free_left.min(right);
-    region.copy_within(left..left + moved, left + right.max(free_left));
-    let (a, b) = region.split_at_mut(left + free_left);
-    let [centroids_left, centroids_right] = centroids;
-    [
-        Task { region: a, len: left, first, centroids: centroids_left },
-        Task { region: b, len: right, first: first + left + free_left, centroids: centroids_right },
-    ]
+    let extra = (count as f64 * f64::from(max_extra)) as usize;
+    // No tree could hold more.
+    count.saturating_add(extra).min(MAX_PRIMS.max(count))
 }

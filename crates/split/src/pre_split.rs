@@ -45,7 +45,7 @@ impl PreSplitter for SplitPartition {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        size_of::<PrimRef>() * (count + self.max_references(count)) + 8 * count + 65536
+        self.memory_bound(count)
     }
 }
 
