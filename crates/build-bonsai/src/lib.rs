@@ -39,8 +39,12 @@ mod timings;
 
 pub use timings::Timings;
 
+use mini::Batch;
 use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree, tree_memory_bound};
-use niwaki_core::{BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh, scene_bounds};
+use niwaki_core::{
+    AreaScale, BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh, scene_bounds,
+};
+use niwaki_split::{Partition, SplitPartition};
 use source::{Midpoints, Source};
 
 /// When a mini tree is cut up (thesis paper IV, section 5.4).
@@ -73,6 +77,10 @@ pub struct Bonsai {
     pub mini_tree_size: u32,
     /// Whether and how mini trees are cut up.
     pub pruning: Pruning,
+    /// Groups triangles by split partitioning (thesis paper V) instead of by their midpoints:
+    /// those that overlap a border may get a reference on either side of it. Its group size
+    /// takes the place of [`Bonsai::mini_tree_size`].
+    pub split: Option<SplitPartition>,
     /// SAH constants of the mini trees: finite and not negative. The top tree always splits.
     pub constants: SahConstants,
     /// A node of a mini tree with more primitives is split even where a leaf would be cheaper; at
@@ -101,6 +109,7 @@ impl Bonsai {
         Self {
             mini_tree_size: 512,
             pruning: Pruning::Off,
+            split: None,
             constants: SahConstants::default(),
             max_leaf_size: SplitRule::DEFAULT_MAX_LEAF_SIZE,
             kernel: Kernel::best(),
@@ -120,6 +129,14 @@ impl Bonsai {
         Self { mini_tree_size: 4096, pruning: Pruning::Mean(0.01), ..Self::bonsai() }
     }
 
+    /// Paper V's *Bonsai S*: groups by SAH-guided split partitioning, pruning as in
+    /// [`Bonsai::bonsai_p`].
+    #[must_use]
+    pub fn bonsai_s() -> Self {
+        let split = SplitPartition { reference_cost: 1.5, ..SplitPartition::default() };
+        Self { split: Some(split), ..Self::bonsai_p() }
+    }
+
     /// Builds a tree over a mesh and reports what each step took.
     ///
     /// # Errors
@@ -127,7 +144,10 @@ impl Bonsai {
     pub fn build_mesh_timed(&self, mesh: &TriangleMesh) -> Result<(Bvh, Timings), BuildError> {
         let rule = self.rule()?;
         source::check_count(mesh.len())?;
-        Ok(self.run(mesh, rule))
+        match &self.split {
+            None => Ok(self.run(mesh, rule)),
+            Some(split) => self.run_split(|| split.partition_mesh(mesh), rule),
+        }
     }
 
     /// Builds a tree over references and reports what each step took.
@@ -136,8 +156,13 @@ impl Bonsai {
     /// As [`Builder::build`].
     pub fn build_timed(&self, prims: &[PrimRef]) -> Result<(Bvh, Timings), BuildError> {
         let rule = self.rule()?;
-        scene_bounds(prims)?;
-        Ok(self.run(prims, rule))
+        match &self.split {
+            None => {
+                scene_bounds(prims)?;
+                Ok(self.run(prims, rule))
+            }
+            Some(split) => self.run_split(|| split.partition_boxes(prims), rule),
+        }
     }
 
     fn rule(&self) -> Result<SplitRule, BuildError> {
@@ -177,9 +202,47 @@ impl Bonsai {
         let size = (self.mini_tree_size as usize).min(count);
         let (mut ids, groups) = select::select(midpoints, size, self.kernel);
         timings.selection = clock.lap();
-        let minis = mini::build(source, &rule, self.kernel, size, &groups, &mut ids);
+        let build = mini::Build { rule: &rule, kernel: self.kernel, size };
+        let minis = build.over_source(source, &groups, &mut ids);
         timings.mini_trees = clock.lap();
-        let roots = prune::roots(&minis, self.pruning, scale);
+        (self.join(&minis, &ids, scale, clock, &mut timings), timings)
+    }
+
+    /// As [`Bonsai::run`] with groups from split partitioning.
+    fn run_split(
+        &self,
+        partition: impl FnOnce() -> Result<Partition, BuildError>,
+        rule: SplitRule,
+    ) -> Result<(Bvh, Timings), BuildError> {
+        let mut timings = Timings::default();
+        let mut clock = timings::Clock::start();
+        let partition = partition()?;
+        timings.selection = clock.lap();
+        let count = partition.references();
+        if count == 0 {
+            return Ok((Bvh::default(), timings));
+        }
+        let scale = AreaScale::of(&partition.bounds());
+        let rule = rule.with_scale(scale);
+        let size = partition.groups().map(<[PrimRef]>::len).max().unwrap_or(0);
+        let mut ids = vec![0; count];
+        let build = mini::Build { rule: &rule, kernel: self.kernel, size };
+        let minis = build.over_groups(partition.groups(), &mut ids);
+        drop(partition);
+        timings.mini_trees = clock.lap();
+        Ok((self.join(&minis, &ids, scale, clock, &mut timings), timings))
+    }
+
+    /// Pruning, top tree and assembly.
+    fn join(
+        &self,
+        minis: &[Batch],
+        ids: &[u32],
+        scale: AreaScale,
+        mut clock: timings::Clock,
+        timings: &mut Timings,
+    ) -> Bvh {
+        let roots = prune::roots(minis, self.pruning, scale);
         timings.pruning = clock.lap();
         let top = build_tree(
             &prune::references(&roots),
@@ -187,24 +250,27 @@ impl Bonsai {
             self.kernel,
         );
         timings.top_tree = clock.lap();
-        let bvh = assemble::assemble(&top, &roots, &ids);
+        let bvh = assemble::assemble(&top, &roots, ids);
         timings.assembly = clock.lap();
-        (bvh, timings)
+        bvh
     }
 }
 
 impl Builder for Bonsai {
-    /// `bonsai`, `bonsai_p` or `bonsai_p_star` for the mini tree size and pruning of these presets;
-    /// `bonsai_custom` otherwise.
+    /// `bonsai`, `bonsai_p`, `bonsai_p_star` or `bonsai_s` for the groups and pruning of these
+    /// presets; `bonsai_custom` otherwise.
     fn name(&self) -> &str {
         [
             ("bonsai", Self::bonsai()),
             ("bonsai_p", Self::bonsai_p()),
             ("bonsai_p_star", Self::bonsai_p_star()),
+            ("bonsai_s", Self::bonsai_s()),
         ]
         .into_iter()
         .find(|(_, preset)| {
-            preset.mini_tree_size == self.mini_tree_size && preset.pruning == self.pruning
+            preset.pruning == self.pruning
+                && preset.split == self.split
+                && (self.split.is_some() || preset.mini_tree_size == self.mini_tree_size)
         })
         .map_or("bonsai_custom", |(name, _)| name)
     }

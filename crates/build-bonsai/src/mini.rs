@@ -2,7 +2,7 @@
 
 use crate::source::Source;
 use niwaki_build_sweep::{Kernel, SplitRule, WorkspacePool};
-use niwaki_core::{BvhNode, to_u32};
+use niwaki_core::{BvhNode, PrimRef, to_u32};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -49,53 +49,95 @@ pub(crate) const fn copy_bytes(size: usize) -> usize {
     (GRAIN + size) * size_of::<BvhNode>()
 }
 
-/// Builds the tree of every group: `ids` goes in by group and comes out in leaf order. No group is
-/// larger than `size`.
-pub(crate) fn build<S: Source + ?Sized>(
-    source: &S,
-    rule: &SplitRule,
-    kernel: Kernel,
-    size: usize,
-    groups: &[Range<u32>],
-    ids: &mut [u32],
-) -> Vec<Batch> {
-    let mut tasks = Vec::new();
-    let (mut groups, mut ids) = (groups, ids);
-    while let Some(first) = groups.first() {
-        let full = |group: &Range<u32>| (group.end - first.start) as usize >= GRAIN;
-        let count = groups.iter().position(full).map_or(groups.len(), |last| last + 1);
-        let (groups_here, groups_after) = groups.split_at(count);
-        let prims = (groups_here[count - 1].end - first.start) as usize;
-        let (ids_here, ids_after) = ids.split_at_mut(prims);
-        tasks.push((groups_here, ids_here));
-        (groups, ids) = (groups_after, ids_after);
+/// How mini trees are built.
+pub(crate) struct Build<'a> {
+    pub(crate) rule: &'a SplitRule,
+    pub(crate) kernel: Kernel,
+    /// No group is larger.
+    pub(crate) size: usize,
+}
+
+/// Neighbouring groups, by their sizes and what is known of each, and their places in the list of
+/// ids.
+struct Task<'a, G> {
+    groups: Vec<(usize, G)>,
+    first: usize,
+    ids: &'a mut [u32],
+}
+
+impl Build<'_> {
+    /// Builds the tree of every group: `ids` goes in by group and comes out in leaf order.
+    pub(crate) fn over_source<S: Source + ?Sized>(
+        &self,
+        source: &S,
+        groups: &[Range<u32>],
+        ids: &mut [u32],
+    ) -> Vec<Batch> {
+        self.run(groups.iter().map(|group| (group.len(), ())), ids, |&(), ids, prims| {
+            prims.extend(ids.iter().map(|&id| source.prim(id)));
+        })
     }
-    let pool = WorkspacePool::new(kernel, size);
-    tasks
-        .into_par_iter()
-        .map_init(
-            || pool.take(),
-            |workspace, (groups, mut ids)| {
-                let most = 2 * ids.len();
-                let mut batch = Batch {
-                    // Trees with leaves of a few primitives need no more.
-                    nodes: Vec::with_capacity(ids.len()),
-                    ends: Vec::with_capacity(groups.len()),
-                };
-                for group in groups {
-                    let (ids_here, ids_after) = ids.split_at_mut(group.len());
-                    ids = ids_after;
-                    workspace.prims.clear();
-                    workspace.prims.extend(ids_here.iter().map(|&id| source.prim(id)));
-                    let nodes = workspace.build(rule, ids_here, group.start as usize);
-                    if batch.nodes.capacity() - batch.nodes.len() < nodes.len() {
-                        batch.nodes.reserve_exact(most - batch.nodes.len());
+
+    /// As [`Build::over_source`], from groups of references: `ids` only comes out.
+    pub(crate) fn over_groups<'g>(
+        &self,
+        groups: impl Iterator<Item = &'g [PrimRef]>,
+        ids: &mut [u32],
+    ) -> Vec<Batch> {
+        self.run(groups.map(|group| (group.len(), group)), ids, |group, _, prims| {
+            prims.extend_from_slice(group);
+        })
+    }
+
+    /// `groups` are sizes and what `fill` needs to know of each.
+    fn run<G: Send>(
+        &self,
+        groups: impl Iterator<Item = (usize, G)>,
+        mut ids: &mut [u32],
+        fill: impl Fn(&G, &[u32], &mut Vec<PrimRef>) + Sync,
+    ) -> Vec<Batch> {
+        let mut tasks = Vec::new();
+        let (mut first, mut count, mut waiting) = (0, 0, Vec::new());
+        for (len, group) in groups {
+            waiting.push((len, group));
+            count += len;
+            if count >= GRAIN {
+                let (ids_here, ids_after) = ids.split_at_mut(count);
+                tasks.push(Task { groups: std::mem::take(&mut waiting), first, ids: ids_here });
+                ids = ids_after;
+                first += count;
+                count = 0;
+            }
+        }
+        tasks.push(Task { groups: waiting, first, ids });
+        let pool = WorkspacePool::new(self.kernel, self.size);
+        tasks
+            .into_par_iter()
+            .map_init(
+                || pool.take(),
+                |workspace, Task { groups, mut first, mut ids }| {
+                    let most = 2 * ids.len();
+                    let mut batch = Batch {
+                        // Trees with leaves of a few primitives need no more.
+                        nodes: Vec::with_capacity(ids.len()),
+                        ends: Vec::with_capacity(groups.len()),
+                    };
+                    for (len, group) in &groups {
+                        let (ids_here, ids_after) = ids.split_at_mut(*len);
+                        ids = ids_after;
+                        workspace.prims.clear();
+                        fill(group, ids_here, &mut workspace.prims);
+                        let nodes = workspace.build(self.rule, ids_here, first);
+                        if batch.nodes.capacity() - batch.nodes.len() < nodes.len() {
+                            batch.nodes.reserve_exact(most - batch.nodes.len());
+                        }
+                        batch.nodes.extend_from_slice(nodes);
+                        first += len;
+                        batch.ends.push((to_u32(batch.nodes.len()), to_u32(first)));
                     }
-                    batch.nodes.extend_from_slice(nodes);
-                    batch.ends.push((to_u32(batch.nodes.len()), group.end));
-                }
-                batch
-            },
-        )
-        .collect()
+                    batch
+                },
+            )
+            .collect()
+    }
 }

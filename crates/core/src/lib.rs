@@ -27,6 +27,7 @@
 //! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
 //! | [`morton`] | Morton codes, and the order and radix tree that they give |
+//! | [`partition`] | partitioning one list with all threads, in place |
 //! | [`radix`] | a stable parallel radix sort |
 //! | [`sah`] | surface area heuristic constants |
 //! | [`memory`] | large pages for large arrays |
@@ -45,6 +46,7 @@ pub mod layout;
 pub mod memory;
 pub mod mesh;
 pub mod morton;
+pub mod partition;
 pub mod prim_ref;
 pub mod radix;
 pub mod ray;

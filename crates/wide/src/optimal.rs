@@ -4,7 +4,6 @@ use crate::{
     CollapseError, WideCosts,
     bottom_up::bottom_up,
     collapse::{Collapse, Item, Slots},
-    memory::prefer_large_pages,
 };
 
 /// Least costs of a node, at `i − 1` those of representing everything below it in at most `i`

@@ -1,0 +1,164 @@
+//! The six sets that a plane divides references into, and what each choice costs (thesis paper V,
+//! section 3.2).
+
+use niwaki_core::glam::{BVec4A, Vec4};
+use niwaki_core::{Aabb, PrimRef};
+
+/// What is known of a set of references: their number, box and centroid bounds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Set {
+    pub(crate) count: usize,
+    /// Corners of the box; the fourth component of each is an id and has no meaning as a number.
+    min: Vec4,
+    max: Vec4,
+    /// Around the middles of the boxes.
+    centroid_min: Vec4,
+    centroid_max: Vec4,
+}
+
+impl Set {
+    pub(crate) const EMPTY: Self = Self {
+        count: 0,
+        min: Vec4::INFINITY,
+        max: Vec4::NEG_INFINITY,
+        centroid_min: Vec4::INFINITY,
+        centroid_max: Vec4::NEG_INFINITY,
+    };
+
+    #[inline]
+    pub(crate) fn add(&mut self, prim: &PrimRef) {
+        const XYZ: BVec4A = BVec4A::new(true, true, true, false);
+        let [min, max]: [Vec4; 2] = bytemuck::cast(*prim);
+        // Ids look like denormals, which make arithmetic slow; comparisons do not mind.
+        let [a, b] = [min, max].map(|corner| Vec4::select(XYZ, corner, Vec4::ZERO));
+        let centroid = a * 0.5 + b * 0.5;
+        self.count += 1;
+        self.min = self.min.min(min);
+        self.max = self.max.max(max);
+        self.centroid_min = self.centroid_min.min(centroid);
+        self.centroid_max = self.centroid_max.max(centroid);
+    }
+
+    pub(crate) fn union(self, other: Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            centroid_min: self.centroid_min.min(other.centroid_min),
+            centroid_max: self.centroid_max.max(other.centroid_max),
+        }
+    }
+
+    pub(crate) fn bounds(&self) -> Aabb {
+        Aabb::new(self.min.truncate(), self.max.truncate())
+    }
+
+    pub(crate) fn centroids(&self) -> Aabb {
+        Aabb::new(self.centroid_min.truncate(), self.centroid_max.truncate())
+    }
+
+    /// A·N, the cost of a leaf over the set.
+    fn cost(&self) -> f64 {
+        self.bounds().area() * self.count as f64
+    }
+}
+
+/// A plane `p[axis] = position`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Plane {
+    pub(crate) axis: usize,
+    pub(crate) position: f32,
+}
+
+impl Plane {
+    /// The middle of centroid bounds on their longest axis; `None` where they are a point, so that
+    /// no plane separates them. At least one centroid is on either side.
+    pub(crate) fn middle(centroids: &Aabb) -> Option<Self> {
+        let axis = centroids.longest_axis();
+        let (min, max) = (centroids.min[axis], centroids.max[axis]);
+        if min >= max {
+            return None;
+        }
+        // Between neighbouring numbers the middle may round down to the smaller, and nothing would
+        // be left of it.
+        let middle = min * 0.5 + max * 0.5;
+        Some(Self { axis, position: if middle > min { middle } else { max } })
+    }
+
+    /// True if the middle of the box is left of the plane.
+    #[inline]
+    pub(crate) fn is_left(&self, prim: &PrimRef) -> bool {
+        prim.min[self.axis] * 0.5 + prim.max[self.axis] * 0.5 < self.position
+    }
+
+    /// True if the plane cuts the inside of the box.
+    #[inline]
+    fn overlaps(&self, prim: &PrimRef) -> bool {
+        prim.min[self.axis] < self.position && prim.max[self.axis] > self.position
+    }
+}
+
+/// D and O of both sides: references apart from the plane, and those that overlap it by the side
+/// of their middle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sides {
+    pub(crate) disjoint: [Set; 2],
+    pub(crate) overlap: [Set; 2],
+}
+
+impl Sides {
+    pub(crate) const EMPTY: Self = Self { disjoint: [Set::EMPTY; 2], overlap: [Set::EMPTY; 2] };
+
+    /// The sets of some references; appends the indices of those that overlap.
+    pub(crate) fn measure(prims: &[PrimRef], plane: Plane, overlapping: &mut Vec<u32>) -> Self {
+        // Two of each, used in turn, because each sum depends on itself before.
+        let mut sets = [[Set::EMPTY; 4]; 2];
+        for (prim, index) in prims.iter().zip(0_u32..) {
+            let side = usize::from(!plane.is_left(prim));
+            let overlaps = plane.overlaps(prim);
+            sets[index as usize & 1][side + 2 * usize::from(overlaps)].add(prim);
+            if overlaps {
+                overlapping.push(index);
+            }
+        }
+        let [a, b] = sets;
+        Self {
+            disjoint: [a[0].union(b[0]), a[1].union(b[1])],
+            overlap: [a[2].union(b[2]), a[3].union(b[3])],
+        }
+    }
+
+    pub(crate) fn union(&self, other: &Self) -> Self {
+        let both = |a: &[Set; 2], b: &[Set; 2]| [a[0].union(b[0]), a[1].union(b[1])];
+        Self {
+            disjoint: both(&self.disjoint, &other.disjoint),
+            overlap: both(&self.overlap, &other.overlap),
+        }
+    }
+
+    /// |O|, on both sides.
+    pub(crate) const fn overlapping(&self) -> usize {
+        self.overlap[0].count + self.overlap[1].count
+    }
+
+    /// D ∪ O of both sides.
+    pub(crate) fn unsplit(&self) -> [Set; 2] {
+        [0, 1].map(|side| self.disjoint[side].union(self.overlap[side]))
+    }
+
+    /// D ∪ S of both sides.
+    pub(crate) fn split(&self, halves: &[Set; 2]) -> [Set; 2] {
+        [0, 1].map(|side| self.disjoint[side].union(halves[side]))
+    }
+
+    /// A cost that C_S is not below, known before anything is clipped: halves take room.
+    pub(crate) fn least_split_cost(&self) -> f64 {
+        let halves = Set { count: self.overlapping(), ..Set::EMPTY };
+        cost(&self.split(&[halves; 2]))
+    }
+}
+
+/// C_O or C_S.
+pub(crate) fn cost(sides: &[Set; 2]) -> f64 {
+    sides[0].cost() + sides[1].cost()
+}
