@@ -5,6 +5,7 @@ use crate::{
     bottom_up::bottom_up,
     collapse::{Collapse, Item, Slots},
 };
+use niwaki_core::memory::prefer_large_pages;
 
 /// Least costs of a node, at `i − 1` those of representing everything below it in at most `i`
 /// slots of a wide node: C(n, i) of Ylitie, Karras and Laine 2017, section 3.1.
