@@ -118,8 +118,7 @@ fn time_once(
     // A peer whose own structure fails still has its tree to show; the failure is reported where
     // that structure should have traced.
     if with_own
-        && let Ok(Some(own)) =
-            group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref()))
+        && let Ok(Some(own)) = group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref()))
     {
         times.commit.push(milliseconds(own.time));
     }
@@ -129,12 +128,7 @@ fn time_once(
 
 /// Judges a tree, once for all numbers of threads: our trees are the same for each. (Embree's
 /// may differ slightly.)
-fn judge(
-    method: &Method,
-    group: &mut Group<'_>,
-    builder: &TreeBuilder,
-    bvh: &Bvh,
-) -> Judgement {
+fn judge(method: &Method, group: &mut Group<'_>, builder: &TreeBuilder, bvh: &Bvh) -> Judgement {
     let mesh = &group.scene.mesh;
     let pool = group.all_cores;
     let known = |name: &str| matches!(builder, TreeBuilder::Ours(_)) && name == builder.name();
@@ -142,8 +136,7 @@ fn judge(
         return judgement.clone();
     }
     let judgement = pool.install(|| {
-        let epo =
-            (!method.brief).then(|| epo_sampled(bvh, mesh, &CONSTANTS, EPO_SAMPLES, 1));
+        let epo = (!method.brief).then(|| epo_sampled(bvh, mesh, &CONSTANTS, EPO_SAMPLES, 1));
         Judgement {
             sah: sah(bvh, &CONSTANTS),
             epo: epo.map_or(f64::NAN, |epo| epo.value),

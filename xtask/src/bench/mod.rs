@@ -375,6 +375,8 @@ fn measure_group(
     let built = builds::measure(&setup.method, &mut group);
     let builds = built.iter().map(|built| Row::Build(built.row.clone()));
     let mut rows: Vec<Row> = builds.collect();
-    rows.extend(traces::measure(&setup.method, &mut group, built, sets).into_iter().map(Row::Trace));
+    rows.extend(
+        traces::measure(&setup.method, &mut group, built, sets).into_iter().map(Row::Trace),
+    );
     Ok(rows)
 }
