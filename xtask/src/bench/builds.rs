@@ -1,7 +1,7 @@
 //! Timing builds and judging the trees.
 
 use super::timing::{Effort, in_turns, median};
-use super::{Group, Setup};
+use super::{Group, Method};
 use crate::memory::peak_of;
 use crate::registry::TreeBuilder;
 use crate::results::{BuildRow, finite};
@@ -47,13 +47,13 @@ fn milliseconds(time: Duration) -> f64 {
 }
 
 /// Times all builders in turns and judges their trees; what failed is noted in the group.
-pub(crate) fn measure<'a>(setup: &'a Setup, group: &mut Group<'_>) -> Vec<Built<'a>> {
-    let builders = &setup.builders;
+pub(crate) fn measure<'a>(method: &'a Method, group: &mut Group<'_>) -> Vec<Built<'a>> {
+    let builders = &method.builders;
     let mut times: Vec<Times> = builders.iter().map(|_| Times::default()).collect();
-    let effort = Effort::seconds(setup.seconds);
+    let effort = Effort::seconds(method.seconds);
     in_turns(builders.len(), effort, |i| {
-        setup.progress.message(&format!("{}: build {}", group.title(), builders[i].full_name()));
-        match time_once(&builders[i], group, &mut times[i]) {
+        method.progress.message(&format!("{}: build {}", group.title(), builders[i].full_name()));
+        match time_once(&builders[i], group, !method.brief, &mut times[i]) {
             Ok(time) => Some(time),
             Err(error) => {
                 times[i].error = Some(error);
@@ -63,14 +63,14 @@ pub(crate) fn measure<'a>(setup: &'a Setup, group: &mut Group<'_>) -> Vec<Built<
     });
     let mut built = Vec::new();
     for (builder, times) in builders.iter().zip(times) {
-        setup.progress.message(&format!("{}: judge {}", group.title(), builder.full_name()));
-        setup.progress.step();
+        method.progress.message(&format!("{}: judge {}", group.title(), builder.full_name()));
+        method.progress.step();
         if let Some(error) = times.error {
             group.fail(builder, &error);
             continue;
         }
         let Some(bvh) = times.bvh else { continue };
-        let judgement = judge(group, builder, &bvh);
+        let judgement = judge(method, group, builder, &bvh);
         let optional = |times: &[f64]| finite(median(times));
         let row = BuildRow {
             run: 0,
@@ -87,7 +87,7 @@ pub(crate) fn measure<'a>(setup: &'a Setup, group: &mut Group<'_>) -> Vec<Built<
             references: judgement.stats.references,
             nodes: judgement.stats.nodes,
             bytes: judgement.stats.bytes,
-            peak_bytes: peak_bytes(group, builder),
+            peak_bytes: if method.brief { None } else { peak_bytes(group, builder) },
             sah: finite(judgement.sah),
             sah_constants: CONSTANTS.into(),
             epo: finite(judgement.epo),
@@ -100,7 +100,12 @@ pub(crate) fn measure<'a>(setup: &'a Setup, group: &mut Group<'_>) -> Vec<Built<
 }
 
 /// Builds the tree, the wide tree and the peer's own structure once each.
-fn time_once(builder: &TreeBuilder, group: &Group<'_>, times: &mut Times) -> Result<Duration> {
+fn time_once(
+    builder: &TreeBuilder,
+    group: &Group<'_>,
+    with_own: bool,
+    times: &mut Times,
+) -> Result<Duration> {
     let mesh = &group.scene.mesh;
     let start = Instant::now();
     let tree = group.pool.install(|| builder.build(mesh, group.embree.as_ref()))?;
@@ -112,7 +117,9 @@ fn time_once(builder: &TreeBuilder, group: &Group<'_>, times: &mut Times) -> Res
     times.wide.push(milliseconds(tree.time + collapse));
     // A peer whose own structure fails still has its tree to show; the failure is reported where
     // that structure should have traced.
-    if let Ok(Some(own)) = group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref())) {
+    if with_own
+        && let Ok(Some(own)) = group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref()))
+    {
         times.commit.push(milliseconds(own.time));
     }
     times.bvh = Some(tree.bvh);
@@ -121,7 +128,7 @@ fn time_once(builder: &TreeBuilder, group: &Group<'_>, times: &mut Times) -> Res
 
 /// Judges a tree, once for all numbers of threads: our trees are the same for each. (Embree's
 /// may differ slightly.)
-fn judge(group: &mut Group<'_>, builder: &TreeBuilder, bvh: &Bvh) -> Judgement {
+fn judge(method: &Method, group: &mut Group<'_>, builder: &TreeBuilder, bvh: &Bvh) -> Judgement {
     let mesh = &group.scene.mesh;
     let pool = group.all_cores;
     let known = |name: &str| matches!(builder, TreeBuilder::Ours(_)) && name == builder.name();
@@ -129,11 +136,11 @@ fn judge(group: &mut Group<'_>, builder: &TreeBuilder, bvh: &Bvh) -> Judgement {
         return judgement.clone();
     }
     let judgement = pool.install(|| {
-        let epo = epo_sampled(bvh, mesh, &CONSTANTS, EPO_SAMPLES, 1);
+        let epo = (!method.brief).then(|| epo_sampled(bvh, mesh, &CONSTANTS, EPO_SAMPLES, 1));
         Judgement {
             sah: sah(bvh, &CONSTANTS),
-            epo: epo.value,
-            epo_error: epo.standard_error,
+            epo: epo.map_or(f64::NAN, |epo| epo.value),
+            epo_error: epo.map_or(f64::NAN, |epo| epo.standard_error),
             stats: TreeStats::of(bvh),
         }
     });

@@ -1,12 +1,12 @@
 //! `cargo xtask bench`: scenes × builders × threads × ray sets.
 
-mod builds;
+pub(crate) mod builds;
 mod matrix;
 mod pictures;
-mod progress;
-mod rays;
-mod timing;
-mod traces;
+pub(crate) mod progress;
+pub(crate) mod rays;
+pub(crate) mod timing;
+pub(crate) mod traces;
 
 pub(crate) use matrix::Shard;
 
@@ -29,23 +29,33 @@ use std::process::ExitCode;
 
 /// What the arguments ask for.
 struct Setup {
-    builders: Vec<TreeBuilder>,
-    kernels: Vec<Kernel>,
+    method: Method,
     ray_sets: Vec<String>,
     ray_count: usize,
-    /// Least time of each measurement.
-    seconds: f64,
     seed: u64,
     samples: u32,
     pictures: Option<PathBuf>,
     credits: Vec<String>,
     files: Vec<PathBuf>,
-    all_cores: ThreadPool,
-    progress: Progress,
+}
+
+/// Who is measured, and how.
+pub(crate) struct Method {
+    pub(crate) builders: Vec<TreeBuilder>,
+    pub(crate) kernels: Vec<Kernel>,
+    /// Builders whose binary trees are traced too, by the scalar reference kernel.
+    pub(crate) binary: Vec<String>,
+    /// Least time of each measurement.
+    pub(crate) seconds: f64,
+    /// Only times and SAH: no end-point overlap, no peaks of memory, no structures of the peers'
+    /// own.
+    pub(crate) brief: bool,
+    pub(crate) all_cores: ThreadPool,
+    pub(crate) progress: Progress,
 }
 
 /// A scene at a number of threads.
-struct Group<'a> {
+pub(crate) struct Group<'a> {
     scene: &'a Scene,
     threads: usize,
     pool: ThreadPool,
@@ -58,13 +68,31 @@ struct Group<'a> {
 
 /// What went wrong so far.
 #[derive(Default)]
-struct Failures {
-    list: Vec<Failure>,
+pub(crate) struct Failures {
+    pub(crate) list: Vec<Failure>,
     /// A scene or a builder of ours failed, not just a peer.
-    fatal: bool,
+    pub(crate) fatal: bool,
 }
 
-impl Group<'_> {
+impl<'a> Group<'a> {
+    /// Starts the threads, and Embree's if one of its builders takes part.
+    pub(crate) fn new(
+        method: &'a Method,
+        scene: &'a Scene,
+        threads: usize,
+        judged: &'a mut Vec<(String, Judgement)>,
+        failures: &'a mut Failures,
+    ) -> Result<Self> {
+        // One device at a time: Embree takes the largest number of threads of all that live.
+        let embree = if method.builders.iter().any(|b| b.source() == Source::Embree) {
+            Some(Embree::with_settings(&EmbreeSettings { threads, ..EmbreeSettings::default() })?)
+        } else {
+            None
+        };
+        let all_cores = &method.all_cores;
+        Ok(Self { scene, threads, pool: pool(threads)?, all_cores, embree, judged, failures })
+    }
+
     fn title(&self) -> String {
         format!("{}, {} threads", self.scene.name, self.threads)
     }
@@ -89,7 +117,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     if args.no_peers {
         builders.retain(|builder| builder.source() == Source::Niwaki);
     }
-    find_peers(args, &mut builders, &mut run)?;
+    find_peers(args.peers, &mut builders, &mut run)?;
     if builders.is_empty() {
         bail!("no builder is left to measure");
     }
@@ -107,19 +135,24 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
         .sum::<usize>();
     let steps = plans.len() + groups * (builders.len() + engines * ray_sets.len());
     let seconds = if args.quick { 0.1 } else { 0.5 };
-    let setup = Setup {
+    let method = Method {
         builders,
         kernels,
+        binary: Vec::new(),
+        seconds,
+        brief: false,
+        all_cores: pool(machine::cores())?,
+        progress: Progress::new(steps),
+    };
+    let setup = Setup {
+        method,
         ray_sets,
         ray_count: args.ray_count.unwrap_or(if args.quick { 50_000 } else { 200_000 }),
-        seconds,
         seed: args.seed,
         samples: args.samples.unwrap_or(if args.quick { 4 } else { 32 }),
         pictures: (!args.no_pictures).then(|| args.out.join("pictures")),
         credits: args.credits.clone(),
         files: std::iter::once(args.out.join("results.json")).chain(args.json.clone()).collect(),
-        all_cores: pool(machine::cores())?,
-        progress: Progress::new(steps),
     };
     run.threads = threads;
     run.arguments = std::env::args().skip(2).collect();
@@ -129,7 +162,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     for plan in &plans {
         let spec = &specs[plan.scene];
         if let Err(error) = measure_scene(&setup, spec, plan, &mut results, &mut failures) {
-            setup.progress.warn(&format!("error: {}: {error:#}", spec.describe()));
+            setup.method.progress.warn(&format!("error: {}: {error:#}", spec.describe()));
             failures.fatal = true;
             failures.list.push(Failure { scene: spec.describe(), error: format!("{error:#}") });
         }
@@ -138,7 +171,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     }
     // An empty shard has results too, so that merging needs no special case.
     save(&setup, &results)?;
-    setup.progress.finish();
+    setup.method.progress.finish();
     print!("{}", report::summary_as_text(&results));
     let page = report::write(&results, &args.out)?;
     for failure in &failures.list {
@@ -152,7 +185,7 @@ fn exit_code(failures: &Failures) -> ExitCode {
     if failures.fatal { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
 
-fn pool(threads: usize) -> Result<ThreadPool> {
+pub(crate) fn pool(threads: usize) -> Result<ThreadPool> {
     ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -233,7 +266,11 @@ fn obvhs_version() -> &'static str {
 }
 
 /// Notes the peers' versions, and drops Embree's builders with a line if it is not there.
-fn find_peers(args: &BenchArgs, builders: &mut Vec<TreeBuilder>, run: &mut Run) -> Result<()> {
+pub(crate) fn find_peers(
+    required: bool,
+    builders: &mut Vec<TreeBuilder>,
+    run: &mut Run,
+) -> Result<()> {
     let has = |builders: &[TreeBuilder], source| builders.iter().any(|b| b.source() == source);
     if has(builders, Source::Obvhs) {
         run.peers.push(format!("obvhs {}", obvhs_version()));
@@ -241,7 +278,7 @@ fn find_peers(args: &BenchArgs, builders: &mut Vec<TreeBuilder>, run: &mut Run) 
     if has(builders, Source::Embree) {
         match Embree::load() {
             Ok(embree) => run.peers.push(format!("Embree {}", embree.version())),
-            Err(error) if args.peers => return Err(error.into()),
+            Err(error) if required => return Err(error.into()),
             Err(error) => {
                 eprintln!("note: measuring without Embree. {error}");
                 builders.retain(|builder| builder.source() != Source::Embree);
@@ -272,17 +309,17 @@ fn measure_scene(
     results: &mut Results,
     failures: &mut Failures,
 ) -> Result<()> {
-    let per_group = setup.builders.len() * (1 + setup.ray_sets.len());
-    setup.progress.message(&format!("{}: load", spec.name));
-    let loaded = setup.all_cores.install(|| spec.load(setup.seed));
+    let per_group = setup.method.builders.len() * (1 + setup.ray_sets.len());
+    setup.method.progress.message(&format!("{}: load", spec.name));
+    let loaded = setup.method.all_cores.install(|| spec.load(setup.seed));
     let scene = match loaded {
         Ok(scene) if scene.mesh.is_empty() => Err(anyhow::anyhow!("it has no triangles")),
         other => other,
     }
-    .inspect_err(|_| setup.progress.skip(1 + plan.threads.len() * per_group))?;
+    .inspect_err(|_| setup.method.progress.skip(1 + plan.threads.len() * per_group))?;
     let (info, sets) = prepare(setup, spec, plan, &scene)?;
     results.add_scene(info);
-    setup.progress.step();
+    setup.method.progress.step();
     let mut judged = Vec::new();
     for &threads in &plan.threads {
         let rows = measure_group(setup, &scene, threads, &sets, &mut judged, failures)?;
@@ -290,7 +327,7 @@ fn measure_scene(
         results.rows.extend(rows);
         results.failures.clone_from(&failures.list);
         save(setup, results)?;
-        setup.progress.print(&report::group_as_text(results, &results.rows[first..]));
+        setup.method.progress.print(&report::group_as_text(results, &results.rows[first..]));
     }
     Ok(())
 }
@@ -314,12 +351,12 @@ fn prepare(
     };
     let ours = registry::ours();
     let builder = ours.last().context("there is no builder")?;
-    setup.all_cores.install(|| {
-        setup.progress.message(&format!("{}: record rays", scene.name));
+    setup.method.all_cores.install(|| {
+        setup.method.progress.message(&format!("{}: record rays", scene.name));
         let wide = WideScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
         let sets = rays::record(scene, &wide, &setup.ray_sets, setup.ray_count, setup.seed);
         if let (true, Some(folder)) = (plan.pictures, &setup.pictures) {
-            setup.progress.message(&format!("{}: render", scene.name));
+            setup.method.progress.message(&format!("{}: render", scene.name));
             pictures::render(scene, &wide, builder.name(), setup.samples, folder, &mut info)?;
         }
         Ok((info, sets))
@@ -334,18 +371,12 @@ fn measure_group(
     judged: &mut Vec<(String, Judgement)>,
     failures: &mut Failures,
 ) -> Result<Vec<Row>> {
-    // One device at a time: Embree takes the largest number of threads of all that live.
-    let embree = if setup.builders.iter().any(|b| b.source() == Source::Embree) {
-        Some(Embree::with_settings(&EmbreeSettings { threads, ..EmbreeSettings::default() })?)
-    } else {
-        None
-    };
-    let all_cores = &setup.all_cores;
-    let pool = pool(threads)?;
-    let mut group = Group { scene, threads, pool, all_cores, embree, judged, failures };
-    let built = builds::measure(setup, &mut group);
+    let mut group = Group::new(&setup.method, scene, threads, judged, failures)?;
+    let built = builds::measure(&setup.method, &mut group);
     let builds = built.iter().map(|built| Row::Build(built.row.clone()));
     let mut rows: Vec<Row> = builds.collect();
-    rows.extend(traces::measure(setup, &mut group, built, sets).into_iter().map(Row::Trace));
+    rows.extend(
+        traces::measure(&setup.method, &mut group, built, sets).into_iter().map(Row::Trace),
+    );
     Ok(rows)
 }

@@ -3,12 +3,12 @@
 use super::builds::Built;
 use super::rays::{RaySet, blocks_of};
 use super::timing::{Effort, in_turns, median};
-use super::{Group, Setup};
+use super::{Group, Method};
 use crate::machine;
 use crate::registry::TreeBuilder;
 use crate::results::{Source, TraceRow};
 use niwaki_core::{Hit, Intersector, Ray};
-use niwaki_trace::{Counts, WideScene};
+use niwaki_trace::{BinaryScene, Counts, WideScene};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -29,6 +29,7 @@ struct Engine<'a> {
 
 enum Kind {
     Wide(Box<WideScene>),
+    Binary(Box<BinaryScene>),
     Own(Box<dyn Intersector + Send>),
 }
 
@@ -36,6 +37,7 @@ impl Engine<'_> {
     fn intersector(&self) -> &dyn Intersector {
         match &self.kind {
             Kind::Wide(scene) => scene.as_ref(),
+            Kind::Binary(scene) => scene.as_ref(),
             Kind::Own(scene) => scene.as_ref(),
         }
     }
@@ -80,7 +82,7 @@ impl Answers {
 /// Times all trees under our kernels and all peers under their own, in turns. The trees are used
 /// up, so that they do not fill the memory beside what is made of them.
 pub(crate) fn measure(
-    setup: &Setup,
+    method: &Method,
     group: &mut Group<'_>,
     trees: Vec<Built<'_>>,
     sets: &[RaySet],
@@ -95,17 +97,20 @@ pub(crate) fn measure(
         let mut engines = Vec::new();
         let mut used = 0;
         while let Some(tree) = rest.peek() {
-            let scenes = setup.kernels.len() + usize::from(tree.builder.source() != Source::Niwaki);
+            // A binary tree, or a peer's own structure.
+            let other = method.binary.contains(&tree.builder.full_name())
+                || tree.builder.source() != Source::Niwaki;
+            let scenes = method.kernels.len() + usize::from(other);
             used += tree.row.references * BYTES_PER_REFERENCE * scenes;
             if used > room && !engines.is_empty() {
                 break;
             }
             if let Some(tree) = rest.next() {
-                engines.extend(make(setup, group, tree));
+                engines.extend(make(method, group, tree));
             }
         }
         for set in sets {
-            rows.extend(measure_set(setup, group, &engines, set, batch));
+            rows.extend(measure_set(method, group, &engines, set, batch));
         }
         batch += 1;
     }
@@ -113,15 +118,18 @@ pub(crate) fn measure(
     rows
 }
 
+/// The name of the scalar reference kernel over binary trees.
+pub(crate) const BINARY: &str = "binary";
+
 /// What traces a tree: our kernels, and the peer's own.
-fn make<'a>(setup: &Setup, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engine<'a>> {
+fn make<'a>(method: &Method, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engine<'a>> {
     let Built { builder, bvh, .. } = tree;
     let mesh = &group.scene.mesh;
     let mut engines = Vec::new();
     match group.all_cores.install(|| WideScene::new(&bvh, mesh)) {
         Ok(scene) => {
-            let mut scenes = vec![scene; setup.kernels.len()];
-            for &kernel in &setup.kernels {
+            let mut scenes = vec![scene; method.kernels.len()];
+            for &kernel in &method.kernels {
                 let Some(scene) = scenes.pop() else { break };
                 match scene.with_kernel(kernel) {
                     Ok(scene) => engines.push(Engine {
@@ -135,7 +143,20 @@ fn make<'a>(setup: &Setup, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engine
         }
         Err(error) => group.fail(builder, &error.into()),
     }
+    if method.binary.contains(&builder.full_name()) {
+        match group.all_cores.install(|| BinaryScene::new(&bvh, mesh)) {
+            Ok(scene) => engines.push(Engine {
+                builder,
+                kernel: BINARY.to_owned(),
+                kind: Kind::Binary(Box::new(scene)),
+            }),
+            Err(error) => group.fail(builder, &error.into()),
+        }
+    }
     drop(bvh);
+    if method.brief {
+        return engines;
+    }
     match group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref())) {
         Ok(Some(own)) => engines.push(Engine {
             builder,
@@ -149,7 +170,7 @@ fn make<'a>(setup: &Setup, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engine
 }
 
 fn measure_set(
-    setup: &Setup,
+    method: &Method,
     group: &Group<'_>,
     engines: &[Engine<'_>],
     set: &RaySet,
@@ -161,28 +182,28 @@ fn measure_set(
     let mut hits = Vec::with_capacity(engines.len());
     for engine in engines {
         let name = engine.builder.full_name();
-        setup.progress.message(&format!("{}: {} rays, {name}", group.title(), set.name));
+        method.progress.message(&format!("{}: {} rays, {name}", group.title(), set.name));
         let time =
             group.pool.install(|| answers.trace(engine.intersector(), &set.rays, set.any_hit));
         slowest = slowest.max(time);
         hits.push(answers.hits(set.any_hit));
     }
     // Three passes of the slowest shall not take much longer than what all get.
-    let longest = setup.seconds.max(0.2);
+    let longest = method.seconds.max(0.2);
     let share = (longest / slowest.as_secs_f64().max(1e-9)).min(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of it")]
     let most = ((set.rays.len() as f64 * share) as usize).max(CHUNK * group.threads * 8);
     let rays = blocks_of(&set.rays, most);
 
     let mut seconds: Vec<Vec<f64>> = vec![Vec::new(); engines.len()];
-    in_turns(engines.len(), Effort::seconds(setup.seconds), |i| {
+    in_turns(engines.len(), Effort::seconds(method.seconds), |i| {
         let time =
             group.pool.install(|| answers.trace(engines[i].intersector(), &rays, set.any_hit));
         seconds[i].push(time.as_secs_f64());
         Some(time)
     });
     let rows = engines.iter().zip(hits).zip(&seconds).map(|((engine, hits), seconds)| {
-        setup.progress.step();
+        method.progress.step();
         let counts = count(group, engine, set);
         TraceRow {
             run: 0,

@@ -2,37 +2,29 @@
 
 use super::break_even::lower_envelope;
 use super::model::{Group, groups};
+use super::page::{self, Csv, add_table, csv_link, figure};
 use super::plots::{self, Totals};
 use super::table::{Best, Table, escape};
 use super::tables;
-use crate::results::{Results, Run, SceneInfo};
+use crate::results::{Results, SceneInfo};
 use anyhow::{Context, Result};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// A file to be written beside the report: its name without `.csv`, and its text.
-pub(crate) type Csv = (String, String);
-
-const STYLE: &str = include_str!("style.css");
 const HOW_TO_READ: &str = include_str!("how_to_read.html");
 
 /// The page, and the CSV behind each of its tables and plots.
 pub(crate) fn page(results: &Results) -> Result<(String, Vec<Csv>)> {
     let groups = groups(results);
     let mut files = Vec::new();
-    let mut html =
-        String::from("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n");
-    html.push_str("<meta name=\"viewport\" content=\"width=device-width\">\n");
-    html.push_str("<title>Niwaki bench</title>\n<style>\n");
-    html.push_str(STYLE);
-    html.push_str("</style></head><body><main>\n<h1>Niwaki bench</h1>\n");
+    let mut html = page::head("Niwaki bench");
     for (number, run) in results.runs.iter().enumerate() {
         let name = (results.runs.len() > 1).then_some(number);
-        html.push_str(&run_header(run, name));
+        html.push_str(&page::run_header(run, name));
     }
-    failures(&mut html, results);
+    page::failures(&mut html, &results.failures);
     contents(&mut html, results);
 
     html.push_str("<h2 id=\"summary\">Summary</h2>\n");
@@ -61,46 +53,9 @@ pub(crate) fn page(results: &Results) -> Result<(String, Vec<Csv>)> {
         let _ = write!(html, "{} ", csv_link(&name, &csv));
         files.push((name, csv));
     }
-    html.push_str("</p>\n</main></body></html>\n");
+    html.push_str("</p>\n");
+    html.push_str(page::FOOT);
     Ok((html, files))
-}
-
-fn run_header(run: &Run, number: Option<usize>) -> String {
-    let mut html = String::from("<dl class=\"run\">");
-    let mut add = |name: &str, value: &str| {
-        if !value.is_empty() {
-            let _ = write!(html, "<dt>{name}</dt><dd>{}</dd>", escape(value));
-        }
-    };
-    if let Some(number) = number {
-        add("run", &number.to_string());
-    }
-    let machine = &run.machine;
-    add("machine", &format!("{}, {} hardware threads, {}", machine.cpu, machine.cores, machine.os));
-    add("instructions", &machine.isa.join(" "));
-    let threads: Vec<_> = run.threads.iter().map(ToString::to_string).collect();
-    add("threads", &threads.join(", "));
-    add("compiler", &format!("{}; {}", run.rustc, run.flags));
-    let peers = if run.peers.is_empty() { "none".into() } else { run.peers.join(", ") };
-    add("peers", &peers);
-    let revision = run.revision.as_deref().map(|r| format!(", revision {r}")).unwrap_or_default();
-    add("when", &format!("{}{revision}", run.date));
-    add("arguments", &run.arguments.join(" "));
-    add("shard", run.shard.as_deref().unwrap_or_default());
-    html.push_str("</dl>\n");
-    html
-}
-
-fn failures(html: &mut String, results: &Results) {
-    if results.failures.is_empty() {
-        return;
-    }
-    html.push_str("<h2>What failed</h2>\n<ul class=\"failures\">\n");
-    for failure in &results.failures {
-        let (scene, error) = (escape(&failure.scene), escape(&failure.error));
-        let _ = writeln!(html, "<li><strong>{scene}</strong>: {error}</li>");
-    }
-    html.push_str("</ul>\n");
 }
 
 fn scene_id(name: &str, triangles: usize) -> String {
@@ -250,33 +205,4 @@ fn totals_csv(group: &Group<'_>) -> Table {
         table.push(std::iter::once(rays.into()).chain(totals).collect());
     }
     table
-}
-
-fn figure(
-    html: &mut String,
-    files: &mut Vec<Csv>,
-    svg: &str,
-    caption: &str,
-    data: &Table,
-) -> Result<()> {
-    let csv = data.to_csv()?;
-    let link = csv_link(&data.name, &csv);
-    let _ = writeln!(html, "<figure>{svg}<figcaption>{caption} {link}</figcaption></figure>");
-    if !files.iter().any(|(name, _)| *name == data.name) {
-        files.push((data.name.clone(), csv));
-    }
-    Ok(())
-}
-
-fn add_table(html: &mut String, files: &mut Vec<Csv>, table: &Table) -> Result<()> {
-    let csv = table.to_csv()?;
-    html.push_str(&table.to_html());
-    let _ = writeln!(html, "<p class=\"csv\">{}</p>", csv_link(&table.name, &csv));
-    files.push((table.name.clone(), csv));
-    Ok(())
-}
-
-fn csv_link(name: &str, csv: &str) -> String {
-    let data = BASE64.encode(csv);
-    format!("<a download=\"{name}.csv\" href=\"data:text/csv;base64,{data}\">{name}.csv</a>")
 }

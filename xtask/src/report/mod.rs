@@ -1,9 +1,11 @@
 //! `cargo xtask report`: merges results and shows them as tables, CSV and one HTML file.
 
-mod axis;
+pub(crate) mod axis;
 mod break_even;
+pub(crate) mod canvas;
 mod html;
 mod model;
+pub(crate) mod page;
 mod plots;
 pub(crate) mod table;
 mod tables;
@@ -41,14 +43,24 @@ pub(crate) fn group_as_text(results: &Results, rows: &[Row]) -> String {
 
 /// Writes `report.html` and `csv/*.csv` into a folder; returns the path of the former.
 pub(crate) fn write(results: &Results, out: &Path) -> Result<PathBuf> {
+    let (html, files) = html::page(results)?;
+    write_page(&html, files, out, "report.html")
+}
+
+/// Writes a page and its `csv/*.csv` into a folder; returns the path of the former.
+pub(crate) fn write_page(
+    html: &str,
+    files: Vec<page::Csv>,
+    out: &Path,
+    name: &str,
+) -> Result<PathBuf> {
     let csv = out.join("csv");
     std::fs::create_dir_all(&csv).with_context(|| format!("cannot create {}", csv.display()))?;
-    let (html, files) = html::page(results)?;
     for (name, text) in files {
         let path = csv.join(format!("{name}.csv"));
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let path = out.join("report.html");
+    let path = out.join(name);
     std::fs::write(&path, html).with_context(|| format!("cannot write {}", path.display()))?;
     Ok(path)
 }
