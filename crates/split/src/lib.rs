@@ -20,14 +20,31 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! There are no feature flags.
+//! | item | source |
+//! |---|---|
+//! | [`SplitPartition`] | thesis paper V: split where C_S < C_O while partitioning into groups |
+//! | [`EarlySplit`] | Ernst and Greiner 2007: boxes over a surface area |
+//! | [`EdgeVolume`] | Dammertz and Keller 2008: edges over a volume |
+//! | [`KarrasAila`] | Karras and Aila 2013: priorities within a budget |
+//! | [`PreSplit`] | any builder behind any [`PreSplitter`]: `sweep_pre`, `binned_ka`, … |
+//!
+//! All of them have a bound on the references that they add, and give the same bytes on any number
+//! of threads. There are no feature flags.
 
 mod divide;
+mod early;
+mod edge_volume;
+mod karras_aila;
 mod partition;
+mod pieces;
 mod pre_split;
 mod sets;
 mod shared;
+mod unite;
 
+pub use early::EarlySplit;
+pub use edge_volume::EdgeVolume;
+pub use karras_aila::KarrasAila;
 pub use partition::{GroupSize, Partition, SplitPartition};
 pub use pre_split::{PreSplit, PreSplitter};
 

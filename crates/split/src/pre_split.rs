@@ -1,6 +1,8 @@
 //! Splitting as a pass ahead of any builder.
 
 use crate::SplitPartition;
+use crate::unite::unite_duplicates;
+use niwaki_core::builder::MAX_PRIMS;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, TriangleMesh};
 
 /// Splits references before a tree is built over them.
@@ -49,7 +51,8 @@ impl PreSplitter for SplitPartition {
     }
 }
 
-/// A builder with a splitting pass ahead of it.
+/// A builder with a splitting pass ahead of it. Where the builder puts several references to one
+/// primitive into one leaf, the leaf keeps one of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreSplit<B, S> {
     builder: B,
@@ -64,6 +67,12 @@ impl<B: Builder, S: PreSplitter> PreSplit<B, S> {
         let name = format!("{}_{}", builder.name(), splitter.suffix());
         Self { builder, splitter, name }
     }
+
+    fn over(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
+        let mut bvh = self.builder.build(prims)?;
+        unite_duplicates(&mut bvh);
+        Ok(bvh)
+    }
 }
 
 impl<B: Builder, S: PreSplitter> Builder for PreSplit<B, S> {
@@ -72,16 +81,25 @@ impl<B: Builder, S: PreSplitter> Builder for PreSplit<B, S> {
     }
 
     fn build(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
-        self.builder.build(&self.splitter.split_boxes(prims)?)
+        self.over(&self.splitter.split_boxes(prims)?)
     }
 
     fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
-        self.builder.build(&self.splitter.split_mesh(mesh)?)
+        self.over(&self.splitter.split_mesh(mesh)?)
     }
 
     fn memory_bound(&self, count: usize) -> usize {
         let references = self.splitter.max_references(count);
         let build = size_of::<PrimRef>() * references + self.builder.memory_bound(references);
+        // Uniting takes less than building: two lists of ids beside the tree.
         build.max(self.splitter.memory_bound(count))
     }
+}
+
+/// Refuses more primitives than a tree can hold.
+pub(crate) const fn check_count(count: usize) -> Result<(), BuildError> {
+    if count > MAX_PRIMS {
+        return Err(BuildError::TooManyPrimitives { count, max: MAX_PRIMS });
+    }
+    Ok(())
 }

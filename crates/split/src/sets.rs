@@ -85,16 +85,27 @@ impl Plane {
         Some(Self { axis, position: if middle > min { middle } else { max } })
     }
 
+    /// The ends of a box along the axis: two loads, where indexing vectors would branch.
+    #[inline]
+    fn extent(&self, prim: &PrimRef) -> [f32; 2] {
+        let corners: &[[f32; 4]; 2] = bytemuck::cast_ref(prim);
+        let axis = self.axis & 3;
+        [corners[0][axis], corners[1][axis]]
+    }
+
     /// True if the middle of the box is left of the plane.
     #[inline]
     pub(crate) fn is_left(&self, prim: &PrimRef) -> bool {
-        prim.min[self.axis] * 0.5 + prim.max[self.axis] * 0.5 < self.position
+        let [min, max] = self.extent(prim);
+        min * 0.5 + max * 0.5 < self.position
     }
 
     /// True if the plane cuts the inside of the box.
     #[inline]
     fn overlaps(&self, prim: &PrimRef) -> bool {
-        prim.min[self.axis] < self.position && prim.max[self.axis] > self.position
+        let [min, max] = self.extent(prim);
+        // No branch, as sides are hard to predict.
+        (min < self.position) & (max > self.position)
     }
 }
 
@@ -112,20 +123,17 @@ impl Sides {
     /// The sets of some references; appends the indices of those that overlap.
     pub(crate) fn measure(prims: &[PrimRef], plane: Plane, overlapping: &mut Vec<u32>) -> Self {
         // Two of each, used in turn, because each sum depends on itself before.
-        let mut sets = [[Set::EMPTY; 4]; 2];
+        let mut sets = [Set::EMPTY; 8];
         for (prim, index) in prims.iter().zip(0_u32..) {
-            let side = usize::from(!plane.is_left(prim));
             let overlaps = plane.overlaps(prim);
-            sets[index as usize & 1][side + 2 * usize::from(overlaps)].add(prim);
+            let set = u32::from(!plane.is_left(prim)) | u32::from(overlaps) << 1 | index << 2 & 4;
+            sets[set as usize & 7].add(prim);
             if overlaps {
                 overlapping.push(index);
             }
         }
-        let [a, b] = sets;
-        Self {
-            disjoint: [a[0].union(b[0]), a[1].union(b[1])],
-            overlap: [a[2].union(b[2]), a[3].union(b[3])],
-        }
+        let both = |i: usize| sets[i].union(sets[i + 4]);
+        Self { disjoint: [both(0), both(1)], overlap: [both(2), both(3)] }
     }
 
     pub(crate) fn union(&self, other: &Self) -> Self {
