@@ -18,6 +18,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Compare builders: how fast they build, how good their trees are, how fast rays go.
     Bench(Box<BenchArgs>),
+    /// Show what quality costs in time: every knob of every builder swept.
+    Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
     /// Check every builder and kernel against brute force, Embree and obvhs.
@@ -145,6 +147,67 @@ Example:
   cargo xtask report out/shard1/results.json out/shard2/results.json --out out/whole
 
 Pictures are read from where the results files say, so keep the folders as the bench wrote them.";
+
+const ACCURACY_EXAMPLES: &str = "\
+Examples:
+  cargo xtask accuracy
+      Every knob of every builder on three procedural scenes, all cores; about ten minutes on two.
+  cargo xtask accuracy --scene model.glb --families bonsai,sbvh,preset
+      Your own scene; some families of builders.
+  cargo xtask accuracy --scenes models --families preset
+      The presets alone on all scenes below a folder: fits the cost model by which
+      Preset::for_rays chooses, and shows the fit.
+
+Output (in --out): accuracy.json, accuracy.html and csv/*.csv. A point is a tree: build time up to
+the traversable 8-wide tree against time per ray of an equal mix of the ray sets, SAH, end-point
+overlap (EPO) and leaf count variability (LCV). Points that no other beats in both times are on the
+Pareto front. Correlations are of logarithms, between a metric and the time per ray, over all trees
+of a scene.";
+
+/// What is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Suite {
+    /// Builders and their knobs: build time against trace time, SAH, EPO and LCV.
+    Builders,
+}
+
+/// Arguments of `cargo xtask accuracy`.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = ACCURACY_EXAMPLES)]
+pub(crate) struct AccuracyArgs {
+    /// What is compared
+    #[arg(long, value_enum, default_value = "builders")]
+    pub(crate) suite: Suite,
+
+    /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
+    /// may be repeated [default: dragon, atrium and foliage]
+    #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
+    pub(crate) scenes: Vec<String>,
+
+    /// All files below a folder that can be loaded
+    #[arg(long = "scenes", value_name = "DIR")]
+    pub(crate) folders: Vec<PathBuf>,
+
+    /// Families of builders, comma-separated [default: all]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) families: Vec<String>,
+
+    /// Number of threads [default: all that this process may use]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+
+    /// Shorter measurements (0.1 s instead of 0.5 s), fewer rays, smaller procedural scenes
+    #[arg(long)]
+    pub(crate) quick: bool,
+
+    /// Seed of procedural scenes and of recorded rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+
+    /// Where results go
+    #[arg(long, value_name = "DIR", default_value = "out/accuracy")]
+    pub(crate) out: PathBuf,
+}
 
 /// Arguments of `cargo xtask report`.
 #[derive(Args, Clone, Debug)]

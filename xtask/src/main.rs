@@ -1,5 +1,6 @@
 //! Niwaki's commands: orchestration and reports, no algorithms. `cargo xtask --help` lists them.
 
+mod accuracy;
 mod bench;
 mod cli;
 mod machine;
@@ -16,6 +17,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let outcome = match cli::Cli::parse().command {
         cli::Command::Bench(args) => bench::run(&args),
+        cli::Command::Accuracy(args) => accuracy::run(&args),
         cli::Command::Report(args) => report::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };

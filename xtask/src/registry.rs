@@ -4,10 +4,15 @@ use crate::results::Source;
 use anyhow::{Context, Result, bail};
 use niwaki_build_binned::Binned;
 use niwaki_build_bonsai::Bonsai;
-use niwaki_build_lbvh::Lbvh;
+use niwaki_build_aac::Aac;
+use niwaki_build_lbvh::{Hlbvh, Lbvh};
 use niwaki_build_median::{ObjectMedian, SpatialMedian};
+use niwaki_build_ploc::Ploc;
+use niwaki_build_sbvh::Sbvh;
 use niwaki_build_sweep::Sweep;
 use niwaki_core::{Builder, Bvh, Intersector, TriangleMesh};
+use niwaki_presets::Preset;
+use niwaki_split::{EarlySplit, EdgeVolume, KarrasAila, PreSplit, SplitPartition};
 use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
 use std::time::{Duration, Instant};
 
@@ -17,11 +22,28 @@ pub(crate) fn ours() -> Vec<Box<dyn Builder>> {
         Box::new(Sweep::default()),
         Box::new(Binned::default()),
         Box::new(Lbvh::default()),
+        Box::new(Hlbvh::default()),
+        Box::new(Ploc::default()),
+        Box::new(Aac::lq()),
+        Box::new(Aac::hq()),
         Box::new(ObjectMedian::default()),
         Box::new(SpatialMedian::default()),
         Box::new(Bonsai::bonsai()),
         Box::new(Bonsai::bonsai_p()),
         Box::new(Bonsai::bonsai_p_star()),
+        Box::new(Bonsai::bonsai_s()),
+        Box::new(PreSplit::new(Sweep::default(), SplitPartition::default())),
+        Box::new(PreSplit::new(Binned::default(), SplitPartition::default())),
+        Box::new(PreSplit::new(Sweep::default(), EarlySplit::default())),
+        Box::new(PreSplit::new(Sweep::default(), EdgeVolume::default())),
+        Box::new(PreSplit::new(Sweep::default(), KarrasAila::default())),
+        Box::new(Sbvh::default()),
+        Box::new(Sbvh::sweep()),
+        Box::new(Preset::Fastest),
+        Box::new(Preset::Fast),
+        Box::new(Preset::Balanced),
+        Box::new(Preset::High),
+        Box::new(Preset::Best),
     ]
 }
 
@@ -149,6 +171,7 @@ pub(crate) fn select(names: &[String]) -> Result<Vec<TreeBuilder>> {
         name == "all"
             || name == builder.source().name()
             || name == builder.full_name()
+            || name == format!("{}:{}", builder.source().name(), builder.name())
             || name == builder.name()
     };
     let all = TreeBuilder::all();
@@ -180,11 +203,28 @@ mod tests {
             "sweep",
             "binned",
             "lbvh",
+            "hlbvh",
+            "ploc",
+            "aac_lq",
+            "aac_hq",
             "median_object",
             "median_spatial",
             "bonsai",
             "bonsai_p",
             "bonsai_p_star",
+            "bonsai_s",
+            "sweep_pre",
+            "binned_pre",
+            "sweep_esc",
+            "sweep_evh",
+            "sweep_ka",
+            "sbvh",
+            "sbvh_sweep",
+            "fastest",
+            "fast",
+            "balanced",
+            "high",
+            "best",
         ];
         assert_eq!(names, expected);
     }
@@ -195,7 +235,8 @@ mod tests {
         assert_eq!(names(&["embree"]), ["embree:low", "embree:medium", "embree:high"]);
         assert_eq!(names(&["medium"]), ["obvhs:medium", "embree:medium"]);
         assert_eq!(names(&["embree:medium", "embree:medium"]), ["embree:medium"]);
-        assert_eq!(names(&["all"]).len(), 8 + 6 + 3);
+        assert_eq!(names(&["niwaki:high", "niwaki:fastest"]), ["fastest", "high"]);
+        assert_eq!(names(&["all"]).len(), ours().len() + 6 + 3);
         assert_eq!(names(&[]).len(), 6 + 2);
         let error = select(&["bonzai".into()]).err().unwrap().to_string();
         assert!(error.contains("bonzai") && error.contains("bonsai_p_star"), "{error}");

@@ -1,0 +1,176 @@
+//! Every builder with its knobs swept.
+
+use crate::registry::TreeBuilder;
+use anyhow::{Result, bail};
+use niwaki_build_aac::Aac;
+use niwaki_build_binned::Binned;
+use niwaki_build_bonsai::{Bonsai, Pruning};
+use niwaki_build_lbvh::{Hlbvh, Lbvh};
+use niwaki_build_median::{ObjectMedian, SpatialMedian};
+use niwaki_build_ploc::Ploc;
+use niwaki_build_sbvh::Sbvh;
+use niwaki_build_sweep::Sweep;
+use niwaki_core::{BuildError, Builder, Bvh, PrimRef, TriangleMesh};
+use niwaki_optimize::{Budget, Optimized, Reinsertion, Treelets};
+use niwaki_peers::{ObvhsPreset, Quality};
+use niwaki_presets::Preset;
+use niwaki_split::{KarrasAila, PreSplit, SplitPartition};
+
+/// A builder with one setting of its knobs.
+pub(crate) struct Variant {
+    /// Builders with the same knobs; a line in plots.
+    pub(crate) family: &'static str,
+    pub(crate) builder: TreeBuilder,
+}
+
+/// A builder under another name.
+struct Named {
+    name: String,
+    builder: Box<dyn Builder + Send>,
+}
+
+impl Builder for Named {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn build(&self, prims: &[PrimRef]) -> Result<Bvh, BuildError> {
+        self.builder.build(prims)
+    }
+
+    fn build_mesh(&self, mesh: &TriangleMesh) -> Result<Bvh, BuildError> {
+        self.builder.build_mesh(mesh)
+    }
+
+    fn memory_bound(&self, count: usize) -> usize {
+        self.builder.memory_bound(count)
+    }
+}
+
+/// All variants in the order of tables; with `quick` only the ends of long sweeps.
+fn all(quick: bool) -> Vec<Variant> {
+    let mut list = Vec::new();
+    let mut add = |family, name: String, builder: Box<dyn Builder + Send>| {
+        let builder = TreeBuilder::Ours(Box::new(Named { name, builder }));
+        list.push(Variant { family, builder });
+    };
+    fn some<T: Copy>(values: &[T], quick: bool) -> Vec<T> {
+        match values {
+            [first, .., last] if quick => vec![*first, *last],
+            _ => values.to_vec(),
+        }
+    }
+    add("median", "median_object".into(), Box::new(ObjectMedian::default()));
+    add("median", "median_spatial".into(), Box::new(SpatialMedian::default()));
+    for code_bits in [30, 63] {
+        let lbvh = Lbvh { code_bits, ..Lbvh::default() };
+        add("lbvh", format!("lbvh bits={code_bits}"), Box::new(lbvh));
+    }
+    add("lbvh", "hlbvh".into(), Box::new(Hlbvh::default()));
+    for radius in some(&[2, 4, 8, 14, 25, 50], quick) {
+        let ploc = Ploc { radius, ..Ploc::default() };
+        add("ploc", format!("ploc radius={radius}"), Box::new(ploc));
+    }
+    add("aac", "aac_lq".into(), Box::new(Aac::lq()));
+    add("aac", "aac_hq".into(), Box::new(Aac::hq()));
+    for bins in some(&[4, 8, 16, 32, 64], quick) {
+        let binned = Binned { bins, ..Binned::default() };
+        add("binned", format!("binned bins={bins}"), Box::new(binned));
+    }
+    add("sweep", "sweep".into(), Box::new(Sweep::default()));
+    for mini_tree_size in some(&[64, 128, 256, 512, 1024, 4096, 16384], quick) {
+        let bonsai = Bonsai { mini_tree_size, ..Bonsai::bonsai() };
+        add("bonsai", format!("bonsai N={mini_tree_size}"), Box::new(bonsai));
+    }
+    for fraction in some(&[1.0, 0.3, 0.1, 0.03, 0.01], quick) {
+        let bonsai = Bonsai { pruning: Pruning::Mean(fraction), ..Bonsai::bonsai_p() };
+        add("pruning", format!("bonsai_p T={fraction}"), Box::new(bonsai));
+    }
+    add("pruning", "bonsai_p_star".into(), Box::new(Bonsai::bonsai_p_star()));
+    let split = Bonsai::bonsai_s();
+    let default = split.split.unwrap_or_default();
+    for reference_cost in some(&[1.0, 1.25, 1.5, 2.0, 4.0], quick) {
+        let partition = SplitPartition { reference_cost, ..default };
+        let builder = Bonsai { split: Some(partition), ..split };
+        add("bonsai_s", format!("bonsai_s cost={reference_cost}"), Box::new(builder));
+    }
+    for max_extra in some(&[0.05, 0.1, 0.2, 0.5], quick) {
+        let partition = SplitPartition { max_extra, ..default };
+        let builder = Bonsai { split: Some(partition), ..split };
+        add("bonsai_s budget", format!("bonsai_s extra={max_extra}"), Box::new(builder));
+    }
+    let pre = PreSplit::new(Sweep::default(), SplitPartition::default());
+    add("pre-split", "sweep_pre".into(), Box::new(pre));
+    for max_extra in some(&[0.1, 0.3, 0.5], quick) {
+        let pre = PreSplit::new(Sweep::default(), KarrasAila { max_extra, ..KarrasAila::default() });
+        add("karras-aila", format!("sweep_ka extra={max_extra}"), Box::new(pre));
+    }
+    for alpha in some(&[1e-2, 1e-3, 1e-4, 1e-5, 0.0], quick) {
+        let sbvh = Sbvh { alpha, ..Sbvh::default() };
+        add("sbvh alpha", format!("sbvh alpha={alpha:e}"), Box::new(sbvh));
+    }
+    for spatial_bins in some(&[8, 16, 32, 64], quick) {
+        let sbvh = Sbvh { spatial_bins, ..Sbvh::default() };
+        add("sbvh bins", format!("sbvh bins={spatial_bins}"), Box::new(sbvh));
+    }
+    for max_references in some(&[1.1, 1.25, 1.5, 2.0, 4.0], quick) {
+        let sbvh = Sbvh { max_references, ..Sbvh::default() };
+        add("sbvh budget", format!("sbvh references={max_references}"), Box::new(sbvh));
+    }
+    add("sbvh", "sbvh_sweep".into(), Box::new(Sbvh::sweep()));
+    for iterations in some(&[1, 2, 4, 8, 16], quick) {
+        let pass = Reinsertion { budget: Budget::iterations(iterations), ..Reinsertion::default() };
+        let builder = Optimized::new(Bonsai::bonsai_p(), pass);
+        add("reinsertion", format!("bonsai_p+reinsertion {iterations}"), Box::new(builder));
+    }
+    let treelets = Optimized::new(Bonsai::bonsai_p(), Treelets::default());
+    add("treelets", "bonsai_p+treelets".into(), Box::new(treelets));
+    for preset in Preset::ALL {
+        add("preset", preset.name().to_owned(), Box::new(preset));
+    }
+    for quality in [Quality::Medium, Quality::High] {
+        list.push(Variant { family: "embree", builder: TreeBuilder::Embree(quality) });
+    }
+    let obvhs: &[_] = if quick {
+        &[ObvhsPreset::Medium]
+    } else {
+        &[ObvhsPreset::Fastest, ObvhsPreset::Medium, ObvhsPreset::VerySlow]
+    };
+    for &preset in obvhs {
+        list.push(Variant { family: "obvhs", builder: TreeBuilder::Obvhs(preset) });
+    }
+    list
+}
+
+/// The variants of some families; of all without names.
+pub(crate) fn select(families: &[String], quick: bool) -> Result<Vec<Variant>> {
+    let mut known: Vec<&str> = all(false).iter().map(|variant| variant.family).collect();
+    known.dedup();
+    for name in families {
+        if !known.contains(&name.as_str()) {
+            bail!("`{name}` is no family of builders; known are {}", known.join(", "));
+        }
+    }
+    let selected = |variant: &Variant| {
+        families.is_empty() || families.iter().any(|name| name == variant.family)
+    };
+    Ok(all(quick).into_iter().filter(selected).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn names_are_unique_and_families_are_known() {
+        for quick in [false, true] {
+            let variants = all(quick);
+            let names: HashSet<_> = variants.iter().map(|v| v.builder.full_name()).collect();
+            assert_eq!(names.len(), variants.len());
+        }
+        assert_eq!(select(&["preset".into()], false).unwrap().len(), Preset::ALL.len());
+        let error = select(&["presets".into()], false).err().unwrap().to_string();
+        assert!(error.contains("presets") && error.contains("bonsai_s"), "{error}");
+    }
+}
