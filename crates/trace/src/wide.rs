@@ -102,10 +102,7 @@ impl<const W: usize> WideScene<W> {
     /// The kernels for this width that the processor can run, slowest first; never empty.
     #[must_use]
     pub fn kernels() -> Vec<Kernel> {
-        Kernel::available()
-            .into_iter()
-            .filter(|kernel| W == 8 || *kernel == Kernel::Scalar)
-            .collect()
+        Kernel::available().into_iter().filter(|kernel| kernel.traces(W)).collect()
     }
 
     /// The same scene traced by another kernel.
