@@ -15,7 +15,7 @@
 //!
 //! | item | what it is |
 //! |---|---|
-//! | [`WideScene`] | an 8-wide tree with its triangles, traced by the fastest [`Kernel`] the processor has |
+//! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
 //! | [`brute_force`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |

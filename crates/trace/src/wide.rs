@@ -14,8 +14,7 @@ use std::sync::Arc;
 /// A wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
 /// processor has for its width unless [`WideScene::with_kernel`] chooses another.
 ///
-/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide, which is the fastest in general; the others are
-/// for comparisons, and [`WideScene::build_from`] makes them.
+/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide; [`WideScene::build_from`] makes the others.
 ///
 /// Owns a copy of all that it needs; clones share it.
 #[derive(Clone, Debug)]
@@ -102,10 +101,7 @@ impl<const W: usize> WideScene<W> {
     /// The kernels for this width that the processor can run, slowest first; never empty.
     #[must_use]
     pub fn kernels() -> Vec<Kernel> {
-        Kernel::available()
-            .into_iter()
-            .filter(|kernel| W == 8 || *kernel == Kernel::Scalar)
-            .collect()
+        Kernel::available().into_iter().filter(|kernel| kernel.traces(W)).collect()
     }
 
     /// The same scene traced by another kernel.

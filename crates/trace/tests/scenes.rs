@@ -161,7 +161,12 @@ fn missing_instructions_are_an_error() {
     // No kernel is offered for a width that it does not trace.
     let bvh = Bvh16::collapse(&Bvh::default(), &CollapseSettings::default()).unwrap();
     let scene = WideScene::build_from(bvh, &TriangleMesh::default()).unwrap();
-    assert!(WideScene::<16>::kernels().contains(&scene.kernel()));
+    assert_eq!(WideScene::<16>::kernels().last(), Some(&scene.kernel()));
+    for (kernel, width) in [(Kernel::Avx2, 4), (Kernel::Avx512, 16)] {
+        let kernels =
+            if width == 4 { WideScene::<4>::kernels() } else { WideScene::<16>::kernels() };
+        assert_eq!(kernels.contains(&kernel), kernel.is_available(), "{kernel}, {width} wide");
+    }
     let refused = scene.with_kernel(Kernel::Avx2).unwrap_err();
     assert_eq!(refused, SceneError::KernelUnavailable(Kernel::Avx2));
 }

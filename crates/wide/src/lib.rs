@@ -21,11 +21,19 @@
 //! # Ok::<(), niwaki_wide::CollapseError>(())
 //! ```
 //!
-//! A wide node holds the boxes of eight children as structure of arrays, so that one SIMD
-//! instruction tests all eight against a ray (Wald, Benthin and Boulos 2008; thesis section 3.10
-//! and paper V, section 4.2). [`Bvh8::collapse`] makes such nodes from any binary tree: it opens
-//! the child with the largest surface area until eight are there. Small subtrees become one leaf,
-//! because a vector unit tests up to eight triangles at about the price of one.
+//! A wide node holds the boxes of 4, 8 or 16 children as structure of arrays, so that one SIMD
+//! instruction tests all of them against a ray (Wald, Benthin and Boulos 2008; thesis section 3.10
+//! and paper V, section 4.2). [`WideBvh::collapse`] makes such nodes from any binary tree; which
+//! nodes of it become children of a wide one, a [`CollapseMethod`] says:
+//!
+//! | method | how | source |
+//! |---|---|---|
+//! | [`CollapseMethod::Greedy`] | opens the child with the largest surface area until the node is full | thesis section 3.10; Wald, Benthin and Boulos 2008 |
+//! | [`CollapseMethod::Optimal`] | least expected cost of the whole tree ([`WideBvh::cost`]) by dynamic programming; the default | Ylitie, Karras and Laine 2017, section 3.1 |
+//!
+//! Small subtrees become one leaf of up to as many references as the tree is wide, because a
+//! vector unit tests them at about the price of one. [`WideCosts`] says what a node, a leaf and a
+//! reference cost.
 //!
 //! The result does not depend on the number of threads, and no input can make it recurse: nodes
 //! are laid out breadth first, one level of the wide tree after the other.

@@ -210,17 +210,21 @@ macro_rules! define_traversal {
                         };
                         continue;
                     }
+                    // Fetch what will be visited while it is being sorted.
+                    let mut rest = mask;
+                    while rest != 0 {
+                        // SAFETY: a lane below the width.
+                        let child = unsafe {
+                            *node.add(CHILDREN).cast::<u32>().add(rest.trailing_zeros() as usize)
+                        };
+                        prefetch(nodes, triangles, child);
+                        rest &= rest - 1;
+                    }
                     let keys = and_ints(as_ints(enter), distance_bits);
                     let keys = sorted_keys(or_ints(keys, lane_ids), mask);
                     // The permutation reads the lowest bits: the lane.
                     let near_first = permute(children, keys);
                     word = _mm_cvtsi128_si32(low(near_first)).cast_unsigned();
-                    let lane = _mm_extract_epi32::<1>(low(near_first)).cast_unsigned();
-                    prefetch(nodes, triangles, lane);
-                    if mask.count_ones() > 2 {
-                        let lane = _mm_extract_epi32::<2>(low(near_first)).cast_unsigned();
-                        prefetch(nodes, triangles, lane);
-                    }
                     // All but the nearest, the farthest first.
                     let left = mask.count_ones() - 1;
                     let reverse = sub_ints(splat_int(left.cast_signed()), lane_ids);
