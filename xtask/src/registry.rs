@@ -2,18 +2,18 @@
 
 use crate::results::Source;
 use anyhow::{Context, Result, bail};
+use niwaki_build_aac::Aac;
 use niwaki_build_binned::Binned;
 use niwaki_build_bonsai::Bonsai;
-use niwaki_build_aac::Aac;
 use niwaki_build_lbvh::{Hlbvh, Lbvh};
 use niwaki_build_median::{ObjectMedian, SpatialMedian};
 use niwaki_build_ploc::Ploc;
 use niwaki_build_sbvh::Sbvh;
 use niwaki_build_sweep::Sweep;
 use niwaki_core::{Builder, Bvh, Intersector, TriangleMesh};
+use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
 use niwaki_presets::Preset;
 use niwaki_split::{EarlySplit, EdgeVolume, KarrasAila, PreSplit, SplitPartition};
-use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
 use std::time::{Duration, Instant};
 
 /// Our builders, in the order of tables. The first is what others are compared with.

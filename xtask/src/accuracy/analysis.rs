@@ -1,7 +1,7 @@
 //! What the measured points say together.
 
-use crate::report::table::{Best, Cell, Table};
 use crate::report::geometric_mean;
+use crate::report::table::{Best, Cell, Table};
 use crate::results::{Failure, Run};
 use niwaki_presets::{CostModel, FitError, Preset, Sample};
 use serde::Serialize;
@@ -81,10 +81,8 @@ impl Study {
 
     /// All tables with their titles.
     pub(crate) fn tables(&self) -> Vec<(String, Table)> {
-        let mut tables: Vec<_> = self
-            .scenes()
-            .map(|scene| (format!("\n{scene}"), self.scene_table(scene)))
-            .collect();
+        let mut tables: Vec<_> =
+            self.scenes().map(|scene| (format!("\n{scene}"), self.scene_table(scene))).collect();
         if self.scenes().nth(1).is_some() {
             tables.push(("\nGeometric means over scenes, relative to sweep".into(), self.means()));
         }
@@ -249,11 +247,8 @@ fn mark_front(points: &mut [Point]) {
 
 /// Pearson's correlation of logarithms; nothing with fewer than three trees or without variation.
 fn pearson(pairs: &[(f64, f64)]) -> Option<f64> {
-    let logs: Vec<(f64, f64)> = pairs
-        .iter()
-        .filter(|(x, y)| *x > 0.0 && *y > 0.0)
-        .map(|(x, y)| (x.ln(), y.ln()))
-        .collect();
+    let logs: Vec<(f64, f64)> =
+        pairs.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0).map(|(x, y)| (x.ln(), y.ln())).collect();
     if logs.len() < 3 {
         return None;
     }

@@ -5,7 +5,7 @@ use crate::report::axis::LogAxis;
 use crate::report::canvas::{Area, FAINT, INK, SIZE, chart, draw, failed, text};
 use crate::report::page::{FOOT, add_table, failures, figure, head, run_header};
 use crate::report::table::{Best, Table, escape};
-use crate::report::{slug, write_page};
+use crate::report::{ray_counts, write_page};
 use anyhow::Result;
 use niwaki_presets::{CostModel, Preset};
 use plotters::prelude::*;
@@ -69,7 +69,7 @@ pub(crate) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
     }
     failures(&mut html, &study.failures);
     html.push_str(FOOT);
-    write_page(out, "accuracy.html", &html, &files)
+    write_page(&html, files, out, "accuracy.html")
 }
 
 fn table_name_is_model(table: &Table) -> bool {
@@ -79,8 +79,7 @@ fn table_name_is_model(table: &Table) -> bool {
 /// A metric of a tree.
 type Metric = fn(&Point) -> Option<f64>;
 
-const METRICS: [(&str, Metric); 3] =
-    [("SAH", |p| p.sah), ("EPO", |p| p.epo), ("LCV", |p| p.lcv)];
+const METRICS: [(&str, Metric); 3] = [("SAH", |p| p.sah), ("EPO", |p| p.epo), ("LCV", |p| p.lcv)];
 
 fn families<'a>(points: &[&'a Point]) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
@@ -199,11 +198,16 @@ fn fit_plot(study: &Study, model: &CostModel) -> Result<(String, Table)> {
     let svg = draw("Build times a triangle, measured and fitted", |area| {
         let x = LogAxis::around(points.iter().map(|p| p.1), 0.05);
         let y = LogAxis::around(points.iter().map(|p| p.2), 0.05);
-        let range = points.iter().fold((f64::INFINITY, 0.0_f64), |r, p| (r.0.min(p.1), r.1.max(p.1)));
+        let range =
+            points.iter().fold((f64::INFINITY, 0.0_f64), |r, p| (r.0.min(p.1), r.1.max(p.1)));
         let mut chart = chart(area, (x, y), ("triangles", "build, ns a triangle"), LEGEND)?;
         for (i, preset) in Preset::ALL.into_iter().enumerate() {
-            let line = crate::report::ray_counts(range, 50).map(|n| {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+            let line = ray_counts(range, 50).map(|n| {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a count"
+                )]
                 let count = n as usize;
                 (n, (model.build_ms(preset, count) * 1e6 / n).max(1e-3))
             });
@@ -226,14 +230,15 @@ fn choice_plot(model: &CostModel) -> Result<(String, Table)> {
         .column("preset", Best::Neither);
     let names = Preset::ALL.map(Preset::name);
     let svg = draw("The preset chosen, by triangles and rays", |area| {
-        let axes = (
-            LogAxis::exactly(triangles.0..triangles.1),
-            LogAxis::exactly(rays.0..rays.1),
-        );
+        let axes = (LogAxis::exactly(triangles.0..triangles.1), LogAxis::exactly(rays.0..rays.1));
         let chart = chart(area, axes, ("triangles", "rays"), LEGEND)?;
-        for x in crate::report::ray_counts(triangles, 40) {
-            for y in crate::report::ray_counts(rays, 50) {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts")]
+        for x in ray_counts(triangles, 40) {
+            for y in ray_counts(rays, 50) {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "counts"
+                )]
                 let (n, r) = (x as usize, y as u64);
                 let preset = model.best(r, n);
                 marker(area, chart.backend_coord(&(x, y)), preset as usize, 3)?;
@@ -243,10 +248,4 @@ fn choice_plot(model: &CostModel) -> Result<(String, Table)> {
         legend(area, &names)
     })?;
     Ok((svg, data))
-}
-
-/// The file name of a scene's table, for tests.
-#[cfg(test)]
-pub(crate) fn file_of(scene: &str) -> String {
-    format!("csv/points-{}.csv", slug(scene))
 }

@@ -60,13 +60,13 @@ fn all(quick: bool) -> Vec<Variant> {
             _ => values.to_vec(),
         }
     }
-    add("median", "median_object".into(), Box::new(ObjectMedian::default()));
-    add("median", "median_spatial".into(), Box::new(SpatialMedian::default()));
+    add("median", "median_object".into(), Box::<ObjectMedian>::default());
+    add("median", "median_spatial".into(), Box::<SpatialMedian>::default());
     for code_bits in [30, 63] {
         let lbvh = Lbvh { code_bits, ..Lbvh::default() };
         add("lbvh", format!("lbvh bits={code_bits}"), Box::new(lbvh));
     }
-    add("lbvh", "hlbvh".into(), Box::new(Hlbvh::default()));
+    add("lbvh", "hlbvh".into(), Box::<Hlbvh>::default());
     for radius in some(&[2, 4, 8, 14, 25, 50], quick) {
         let ploc = Ploc { radius, ..Ploc::default() };
         add("ploc", format!("ploc radius={radius}"), Box::new(ploc));
@@ -77,7 +77,7 @@ fn all(quick: bool) -> Vec<Variant> {
         let binned = Binned { bins, ..Binned::default() };
         add("binned", format!("binned bins={bins}"), Box::new(binned));
     }
-    add("sweep", "sweep".into(), Box::new(Sweep::default()));
+    add("sweep", "sweep".into(), Box::<Sweep>::default());
     for mini_tree_size in some(&[64, 128, 256, 512, 1024, 4096, 16384], quick) {
         let bonsai = Bonsai { mini_tree_size, ..Bonsai::bonsai() };
         add("bonsai", format!("bonsai N={mini_tree_size}"), Box::new(bonsai));
@@ -102,7 +102,7 @@ fn all(quick: bool) -> Vec<Variant> {
     let pre = PreSplit::new(Sweep::default(), SplitPartition::default());
     add("pre-split", "sweep_pre".into(), Box::new(pre));
     for max_extra in some(&[0.1, 0.3, 0.5], quick) {
-        let pre = PreSplit::new(Sweep::default(), KarrasAila { max_extra, ..KarrasAila::default() });
+        let pre = PreSplit::new(Sweep::default(), KarrasAila { max_extra });
         add("karras-aila", format!("sweep_ka extra={max_extra}"), Box::new(pre));
     }
     for alpha in some(&[1e-2, 1e-3, 1e-4, 1e-5, 0.0], quick) {

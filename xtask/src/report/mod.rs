@@ -16,13 +16,15 @@ use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+pub(crate) use model::{geometric_mean, groups};
+pub(crate) use plots::ray_counts;
 pub(crate) use tables::{slug, summary_as_text};
 
 /// Runs the command.
 pub(crate) fn run(args: &ReportArgs) -> Result<ExitCode> {
     let parts = args.files.iter().map(|file| Results::read(file)).collect::<Result<Vec<_>>>()?;
     let results = Results::merge(parts);
-    print!("{}", tables::groups_as_text(&model::groups(&results)));
+    print!("{}", tables::groups_as_text(&groups(&results)));
     println!("{}", summary_as_text(&results));
     results.write(&args.out.join("results.json"))?;
     let page = write(&results, &args.out)?;
@@ -38,7 +40,7 @@ pub(crate) fn group_as_text(results: &Results, rows: &[Row]) -> String {
         rows: rows.to_vec(),
         ..Results::default()
     };
-    tables::groups_as_text(&model::groups(&part))
+    tables::groups_as_text(&groups(&part))
 }
 
 /// Writes `report.html` and `csv/*.csv` into a folder; returns the path of the former.
