@@ -54,9 +54,10 @@ pub struct SplitPartition {
 }
 
 impl Default for SplitPartition {
-    /// The paper's settings, with room for twice the references.
+    /// The paper's settings, with room for half as many references again as there were: on no scene
+    /// that was measured did more room change anything.
     fn default() -> Self {
-        Self { group_size: GroupSize::Interpolated, max_extra: 1.0, reference_cost: 0.0 }
+        Self { group_size: GroupSize::Interpolated, max_extra: 0.5, reference_cost: 0.0 }
     }
 }
 
