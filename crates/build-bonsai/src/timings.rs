@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 /// Wall-clock time of the steps of one build (thesis paper IV, figure 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
-    /// Midpoints and scene bounds.
+    /// Midpoints and scene bounds; nothing with [`crate::Bonsai::split`].
     pub midpoints: Duration,
-    /// Splitting the midpoints into groups.
+    /// Splitting the midpoints into groups. With [`crate::Bonsai::split`] also the list of
+    /// references, which takes the place of midpoints, and splitting triangles.
     pub selection: Duration,
     /// Sweep trees over the groups.
     pub mini_trees: Duration,

@@ -3,7 +3,7 @@
 use niwaki_build_bonsai::{Bonsai, Pruning};
 use niwaki_build_sweep::Sweep;
 use niwaki_core::glam::Vec3;
-use niwaki_core::{Builder, TriangleMesh};
+use niwaki_core::{Builder, Triangle, TriangleMesh};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
@@ -68,11 +68,13 @@ fn bounds_hold_and_are_tight() {
         let single_leaves = Bonsai { max_leaf_size: 1, ..everything_cut };
         for count in [1000, 30_000, 400_000] {
             let mesh = sheet(count);
-            let builders: [(&dyn Builder, usize); 6] = [
+            let builders: [(&dyn Builder, usize); 7] = [
                 // The bounds allow for groups of one triangle each; these are of hundreds.
                 (&Bonsai::bonsai(), 6),
                 (&Bonsai::bonsai_p(), 6),
                 (&Bonsai::bonsai_p_star(), 6),
+                // The bound is for twice the references, of which a sheet has none.
+                (&Bonsai::bonsai_s(), 10),
                 (&everything_cut, 3),
                 (&single_leaves, 2),
                 (&Sweep::default(), 2),
@@ -93,7 +95,22 @@ fn bounds_hold_and_are_tight() {
         }
         // The target for large meshes, the fixed part of workspaces left out.
         let mesh = sheet(400_000);
-        let peak = peak(&Bonsai::bonsai_p(), &mesh);
-        assert!(peak < 100 * mesh.len(), "{} bytes a triangle", peak / mesh.len());
+        let p = peak(&Bonsai::bonsai_p(), &mesh);
+        assert!(p < 100 * mesh.len(), "{} bytes a triangle", p / mesh.len());
+        let s = peak(&Bonsai::bonsai_s(), &mesh);
+        assert!(s <= 2 * p, "{} bytes a triangle against {}", s / mesh.len(), p / mesh.len());
+        // Everything overlaps everything and wants to be split.
+        let triangles: Vec<Triangle> = (0..150_000)
+            .map(|i| {
+                let a = i as f32 * 0.001;
+                let across = Vec3::new(1000.0 - a, 1000.0, 1000.0);
+                Triangle::new(Vec3::new(a, 0.0, -a), across, Vec3::new(a + 3.0, 1.0, a))
+            })
+            .collect();
+        let mesh = TriangleMesh::from_triangles(&triangles).unwrap();
+        let builder = Bonsai::bonsai_s();
+        let (peak, bound) = (peak(&builder, &mesh), builder.memory_bound(mesh.len()));
+        println!("diagonals: {} of {}", peak / mesh.len(), bound / mesh.len());
+        assert!(peak <= bound && bound <= 8 * peak, "{peak} of {bound}");
     });
 }

@@ -5,6 +5,7 @@ use niwaki_build_sweep::{Kernel, Sweep};
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Aabb, BuildError, Builder, Bvh, PrimRef, SahConstants, Triangle, TriangleMesh};
 use niwaki_metrics::{TreeStats, sah, validate};
+use niwaki_split::{GroupSize, SplitPartition};
 use proptest::prelude::*;
 
 fn random(state: &mut u32) -> f32 {
@@ -26,9 +27,17 @@ fn soup(count: usize, seed: u32) -> TriangleMesh {
     TriangleMesh::from_triangles(&triangles).unwrap()
 }
 
-fn presets() -> [Bonsai; 4] {
+fn presets() -> [Bonsai; 5] {
     let by_deviation = Bonsai { pruning: Pruning::Deviation(1.0), ..Bonsai::bonsai() };
-    [Bonsai::bonsai(), Bonsai::bonsai_p(), Bonsai::bonsai_p_star(), by_deviation]
+    let s = Bonsai::bonsai_s();
+    [Bonsai::bonsai(), Bonsai::bonsai_p(), Bonsai::bonsai_p_star(), by_deviation, s]
+}
+
+/// The preset with another size of mini trees.
+fn sized(preset: Bonsai, size: u32) -> Bonsai {
+    let split =
+        preset.split.map(|split| SplitPartition { group_size: GroupSize::Fixed(size), ..split });
+    Bonsai { mini_tree_size: size, split, ..preset }
 }
 
 #[test]
@@ -37,7 +46,7 @@ fn hard_meshes_give_valid_trees() {
         for preset in presets() {
             // Small mini trees bring every step into play, even for small meshes.
             for mini_tree_size in [1, 7, preset.mini_tree_size] {
-                let bonsai = Bonsai { mini_tree_size, ..preset };
+                let bonsai = sized(preset, mini_tree_size);
                 let bvh = bonsai.build_mesh(&case.mesh).unwrap();
                 assert_eq!(validate(&bvh, &case.mesh), Ok(()), "{} {bonsai:?}", case.name);
             }
@@ -93,7 +102,8 @@ fn same_bytes(a: &Bvh, b: &Bvh) -> bool {
 #[test]
 fn meshes_and_their_references_give_the_same_tree() {
     let mesh = soup(20_000, 8);
-    for preset in presets() {
+    // Of bare references only the boxes can be split.
+    for preset in presets().into_iter().filter(|preset| preset.split.is_none()) {
         let from_mesh = preset.build_mesh(&mesh).unwrap();
         assert!(same_bytes(&from_mesh, &preset.build(&mesh.prim_refs()).unwrap()));
     }
@@ -141,9 +151,27 @@ fn pruning_repairs_what_large_triangles_spoil() {
 }
 
 #[test]
+fn splitting_pays_where_triangles_are_large_and_no_leaf_holds_one_twice() {
+    let mesh = soup(60_000, 7);
+    let cost = |bvh: &Bvh| sah(bvh, &SahConstants::THESIS_V);
+    let [p, s] =
+        [Bonsai::bonsai_p(), Bonsai::bonsai_s()].map(|bonsai| bonsai.build_mesh(&mesh).unwrap());
+    assert!(cost(&s) < 0.9 * cost(&p), "{} {}", cost(&s), cost(&p));
+    assert!(s.prim_ids.len() > mesh.len() && s.prim_ids.len() < 2 * mesh.len());
+    for leaf in s.nodes.iter().filter(|node| node.is_leaf()) {
+        let mut ids = s.leaf_prims(leaf).to_vec();
+        ids.sort_unstable();
+        assert!(ids.windows(2).all(|pair| pair[0] != pair[1]));
+    }
+    // Boxes alone can be split too, and stay covered.
+    let bvh = Bonsai::bonsai_s().build(&mesh.prim_refs()).unwrap();
+    assert_eq!(validate(&bvh, &mesh), Ok(()));
+}
+
+#[test]
 fn names_tell_presets_apart() {
     let names = presets().map(|b| b.name().to_owned());
-    assert_eq!(names, ["bonsai", "bonsai_p", "bonsai_p_star", "bonsai_custom"]);
+    assert_eq!(names, ["bonsai", "bonsai_p", "bonsai_p_star", "bonsai_custom", "bonsai_s"]);
     assert_eq!(Bonsai::default(), Bonsai::bonsai_p());
 }
 
@@ -173,6 +201,11 @@ fn bad_input_is_named() {
         Bonsai { pruning: Pruning::Mean(f32::NAN), ..good },
         Bonsai { pruning: Pruning::Deviation(f32::INFINITY), ..good },
         Bonsai { max_leaf_size: 0, ..good },
+        Bonsai {
+            split: Some(SplitPartition { max_extra: -1.0, ..SplitPartition::default() }),
+            ..good
+        },
+        sized(Bonsai::bonsai_s(), Bonsai::MAX_MINI_TREE_SIZE + 1),
     ] {
         let error = bad.build_mesh(&TriangleMesh::default()).unwrap_err();
         assert!(matches!(error, BuildError::BadSetting { .. }), "{error}");
@@ -185,8 +218,9 @@ fn deep_chains_build() {
     let mesh = TriangleMesh::from_triangles(&niwaki_hard_cases::deep_chain(10_000)).unwrap();
     for preset in presets() {
         for mini_tree_size in [16, preset.mini_tree_size] {
-            let bvh =
-                Bonsai { mini_tree_size, max_leaf_size: 1, ..preset }.build_mesh(&mesh).unwrap();
+            let bvh = Bonsai { max_leaf_size: 1, ..sized(preset, mini_tree_size) }
+                .build_mesh(&mesh)
+                .unwrap();
             assert_eq!(validate(&bvh, &mesh), Ok(()));
         }
     }

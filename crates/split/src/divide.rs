@@ -17,7 +17,7 @@ use std::sync::Mutex;
 
 /// Larger sets are divided by all threads. The order that this leaves differs from that of one
 /// thread, so the limit is the same for any number of them.
-const SHARED_FROM: usize = 1 << 17;
+const SHARED_FROM: usize = 1 << 16;
 
 /// Sets below this size stay on one thread.
 const GRAIN: usize = 1 << 12;
@@ -67,14 +67,12 @@ struct Scratch {
 
 /// Bytes that [`run`] allocates at once for a region of `capacity` that has `count` references.
 pub(crate) fn memory_bound(count: usize, capacity: usize) -> usize {
-    let lists = |len: usize, room: usize| {
-        // Lists that double their size hold the old and the new.
-        3 * (size_of::<u32>() * len + size_of::<Halves>() * len.min(room))
-    };
     let room = capacity - count;
-    let threads = 2 * rayon::current_num_threads();
+    // Indices are in lists that double their size, old and new beside each other.
+    let lists = |len: usize| 3 * size_of::<u32>() * len + size_of::<Halves>() * len.min(room);
+    let threads = rayon::current_num_threads();
     let groups = 3 * size_of::<Range<u32>>() * capacity;
-    lists(capacity, room).max(threads * lists(capacity.min(SHARED_FROM), room)) + groups + 65536
+    lists(capacity).max(threads * lists(capacity.min(SHARED_FROM))) + groups + 65536
 }
 
 /// Partitions the references of `whole`, which stand at the start of `region`; returns the groups
@@ -156,7 +154,8 @@ pub(crate) fn may_split(sides: &Sides, rule: &Rule, len: usize, capacity: usize)
         && rule.pays(sides.least_split_cost(), cost(&sides.unsplit()), added, len)
 }
 
-/// Appends the halves of the references at the given indices and returns S of both sides. A half
+/// Fills an empty list with the halves of the references at the given indices and returns S of both
+/// sides. A half
 /// counts for the side of its middle, which rounding may move to the plane.
 pub(crate) fn clip_all<C: Clip + ?Sized>(
     prims: &[PrimRef],
@@ -166,6 +165,10 @@ pub(crate) fn clip_all<C: Clip + ?Sized>(
     halves: &mut Vec<Halves>,
 ) -> [Set; 2] {
     let mut sets = [Set::EMPTY; 2];
+    if halves.capacity() < overlapping.len() {
+        // Nothing is in it, so nothing need be moved.
+        *halves = Vec::with_capacity(overlapping.len());
+    }
     halves.extend(overlapping.iter().map(|&index| {
         let prim = prims[index as usize];
         let mut halves = clip.clip(&prim, plane.axis, plane.position).map(|half| PrimRef {

@@ -28,8 +28,9 @@ impl Default for KarrasAila {
     }
 }
 
-/// Rounds of bisection for the factor between priority and number of splits (the paper's 6).
-const ROUNDS: u32 = 6;
+/// Rounds of bisection for the factor between priority and number of splits. The paper's 6 do where
+/// its first guess of an upper bound is near, but not where most priorities round down to no split.
+const ROUNDS: u32 = 24;
 
 /// Bits of a position along an axis of the scene.
 const BITS: u32 = 32;
@@ -153,15 +154,14 @@ fn factor(priorities: &[f64], budget: u64) -> f64 {
             .map(|&p| splits(p, factor))
             .reduce(|| 0, u64::saturating_add)
     };
-    let budget_f64 = budget as f64;
-    let mut low = budget_f64 / sum;
+    let mut low = budget as f64 / sum;
     while spent(low) > budget {
         // Rounding of the sum, at most.
         low *= 0.999;
     }
-    let mut high = low * budget_f64 / (spent(low).max(1) as f64);
-    if spent(high) <= budget {
-        return high;
+    let mut high = low * 2.0;
+    while spent(high) <= budget {
+        (low, high) = (high, high * 2.0);
     }
     for _ in 0..ROUNDS {
         let middle = (low + high) * 0.5;

@@ -13,7 +13,11 @@
 //! let indices = (0..64).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
 //! let mesh = TriangleMesh::new(triangles.collect(), indices)?;
 //!
-//! let config = SplitPartition { group_size: GroupSize::Fixed(16), ..SplitPartition::default() };
+//! let config = SplitPartition {
+//!     group_size: GroupSize::Fixed(16),
+//!     max_extra: 1.0,
+//!     ..SplitPartition::default()
+//! };
 //! let partition = config.partition_mesh(&mesh)?;
 //! assert!(partition.references() > mesh.len(), "some triangles are in several groups");
 //! assert!(partition.groups().all(|group| group.len() <= 16));

@@ -31,7 +31,7 @@ pub(crate) fn step<'a, C: Clip + ?Sized>(task: Task<'a>, rule: &Rule, clip: &C) 
             .par_chunks(CHUNK)
             .zip(&chunks)
             .map(|(chunk, (_, overlapping))| {
-                let mut halves = Vec::with_capacity(overlapping.len());
+                let mut halves = Vec::new();
                 let sets = clip_all(chunk, overlapping, plane, clip, &mut halves);
                 (sets, halves)
             })
