@@ -81,7 +81,7 @@ pub(crate) fn best_move(
                 }
             }
         }
-        if pivot == 0 || visits > max_visits {
+        if visits > max_visits {
             break;
         }
         visits += 1;
@@ -93,6 +93,9 @@ pub(crate) fn best_move(
             if saved - whole > best.gain {
                 best = Move { node, target: pivot, gain: saved - whole };
             }
+        }
+        if pivot == 0 {
+            break;
         }
         other = pivot ^ 1;
         pivot = tree.parent(pivot);
@@ -119,14 +122,88 @@ pub(crate) fn best_place(tree: &Tree, node: u32, max_visits: u32) -> u32 {
         visits += 1;
         let x = &nodes[place as usize];
         let merged = x.bounds().union(bounds).area(scale);
+        // The root keeps its box while a subtree is out; what is left in it may be smaller.
+        let own = if place == 0 && !x.is_leaf() { tree.pair_bounds(x.first()) } else { x.bounds() };
         if above + merged < best.0 {
             best = (above + merged, place);
         }
-        let below = (above + merged - x.bounds().area(scale)).max(0.0);
+        let below = (above + merged - own.area(scale)).max(0.0);
         if !x.is_leaf() && below + area < best.0 {
             open.push(Reverse((below.to_bits(), x.first())));
             open.push(Reverse((below.to_bits(), x.first() + 1)));
         }
     }
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_hard_cases::{median_tree, soup_mesh};
+
+    fn trees() -> impl Iterator<Item = Tree> {
+        (3..60).map(|count| {
+            let mesh = soup_mesh(count, 0.3, count as u64);
+            Tree::new(&median_tree(&mesh, 1)).unwrap().unwrap()
+        })
+    }
+
+    #[test]
+    fn the_best_move_is_the_best_of_all() {
+        for tree in trees() {
+            let count = u32::try_from(tree.nodes().len()).unwrap();
+            for node in 2..count {
+                let gains = (0..count).filter_map(|target| tree.clone().try_move(node, target));
+                let best = gains.fold(0.0, f32::max);
+                let found = best_move(&tree, node, u32::MAX, &mut Vec::new());
+                let gain = found.map_or(0.0, |found| found.gain);
+                // Sums in another order.
+                assert!((gain - best).abs() < 1e-4, "{node}: {gain} {best}");
+                if let Some(found) = found.filter(|found| found.gain > 1e-4) {
+                    let made = tree.clone().try_move(node, found.target).unwrap();
+                    assert!((made - found.gain).abs() < 1e-4, "{found:?} {made}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_best_place_is_the_best_of_all() {
+        for mut tree in trees() {
+            let count = u32::try_from(tree.nodes().len()).unwrap();
+            for node in 2..count {
+                let parent = tree.parent(node);
+                tree.remove(node);
+                let place = best_place(&tree, node, u32::MAX);
+                // Everything that can be reached is a place.
+                let mut best = f32::NEG_INFINITY;
+                let mut stack = vec![0];
+                while let Some(i) = stack.pop() {
+                    best = best.max(tree.clone().insert(node, i));
+                    let x = &tree.nodes()[i as usize];
+                    if !x.is_leaf() {
+                        stack.extend([x.first(), x.first() + 1]);
+                    }
+                }
+                let gain = tree.clone().insert(node, place);
+                assert!((gain - best).abs() < 1e-4, "{node}: {gain} {best}");
+                tree.insert(node, parent);
+            }
+        }
+    }
+
+    #[test]
+    fn moves_change_the_sum_of_areas_by_what_they_say() {
+        for mut tree in trees() {
+            let count = u32::try_from(tree.nodes().len()).unwrap();
+            for node in 2..count {
+                for target in 0..count {
+                    let before = tree.inner_area();
+                    let gain = tree.try_move(node, target).unwrap_or(0.0);
+                    let change = before - tree.inner_area();
+                    assert!((change - f64::from(gain)).abs() < 1e-4, "{change} {gain}");
+                }
+            }
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! Every pass on hard input: cost never grows, trees stay valid, bytes never depend on threads.
 
+#[allow(dead_code, reason = "each test file uses some of these")]
 mod common;
 
 use common::{passes, same_bytes, single, split_tree};
