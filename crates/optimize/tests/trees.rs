@@ -276,6 +276,7 @@ fn settings_are_checked() {
         Box::new(Reinsertion { max_visits: 0, ..Reinsertion::default() }),
         Box::new(Reinsertion { constants, ..Reinsertion::default() }),
         Box::new(Insertion { batch_fraction: -1.0, ..Insertion::default() }),
+        Box::new(Insertion { group_size: 0, ..Insertion::default() }),
         Box::new(Insertion { max_visits: 0, ..Insertion::default() }),
         Box::new(Insertion { constants, ..Insertion::default() }),
         Box::new(Rotations { constants, ..Rotations::default() }),
