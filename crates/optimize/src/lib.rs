@@ -30,7 +30,7 @@
 //! | pass | source | threads |
 //! |---|---|---|
 //! | [`Reinsertion`] | Meister and Bittner 2018 | searches in parallel |
-//! | [`Insertion`] | Bittner, Hapala and Havran 2013 | serial |
+//! | [`Insertion`] | Bittner, Hapala and Havran 2013 | searches in parallel |
 //! | [`Rotations`], [`Annealing`] | Kensler 2008 | subtrees in parallel |
 //! | [`Treelets`] | Karras and Aila 2013 | subtrees in parallel |
 //! | [`Prune`] | thesis paper IV, section 5.4 | those of the builder of the new top |

@@ -59,7 +59,12 @@ fn assert_depth_first(bvh: &Bvh, what: &str, changed: bool) {
 fn hard_meshes_stay_valid_and_never_get_worse() {
     for case in niwaki_hard_cases::meshes() {
         let split = OnSingleLeaves::new(&case.mesh, Treelets::default(), CollapseLeaves::default());
-        for tree in [single().build_mesh(&case.mesh).unwrap(), median_tree(&case.mesh, 5)] {
+        let mut trees = vec![median_tree(&case.mesh, 5)];
+        // The two meshes of 100,000 triangles are costly and no harder in a second tree.
+        if case.mesh.len() < 50_000 {
+            trees.push(single().build_mesh(&case.mesh).unwrap());
+        }
+        for tree in trees {
             for pass in passes() {
                 check(&*pass, &tree, &case.mesh, case.name);
             }
