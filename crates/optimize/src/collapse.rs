@@ -156,3 +156,72 @@ fn emit(tree: &Tree, source: &Bvh, merged: &[bool]) -> Bvh {
     }
     bvh
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_hard_cases::{median_tree, soup_mesh};
+    use niwaki_metrics::sah;
+
+    /// The least cost of a subtree, over all ways to make leaves of inner nodes, times the root's
+    /// area.
+    fn least(bvh: &Bvh, i: usize, pass: &CollapseLeaves) -> (f64, u32) {
+        let node = &bvh.nodes[i];
+        let [inner, leaf, triangle] =
+            [pass.constants.inner, pass.constants.leaf, pass.constants.triangle].map(f64::from);
+        let area = node.aabb().area();
+        let as_leaf = |count: u32| area * (leaf + triangle * f64::from(count));
+        if node.is_leaf() {
+            return (as_leaf(node.count), node.count);
+        }
+        let [a, b] = node.children().map(|child| least(bvh, child, pass));
+        let (count, mut cost) = (a.1 + b.1, area * inner + a.0 + b.0);
+        if count <= pass.max_leaf_size {
+            cost = cost.min(as_leaf(count));
+        }
+        (cost, count)
+    }
+
+    #[test]
+    fn leaves_cost_least() {
+        for seed in 0..20 {
+            let tree = median_tree(&soup_mesh(200, 0.2, seed), 1);
+            for max_leaf_size in [1, 2, 5, 200] {
+                for leaf in [0.0, 0.5] {
+                    let constants = SahConstants { leaf, ..SahConstants::THESIS_IV };
+                    let pass = CollapseLeaves { max_leaf_size, constants };
+                    let mut merged = tree.clone();
+                    pass.optimize(&mut merged).unwrap();
+                    let cost = sah(&merged, &constants);
+                    let best = least(&tree, 0, &pass).0 / tree.bounds().area();
+                    assert!((cost - best).abs() < 1e-9 * best, "{seed}: {cost} {best}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn primitives_in_several_merged_leaves_are_listed_once() {
+        // Two halves of one triangle's box, and another primitive.
+        let mesh = soup_mesh(2, 0.1, 1);
+        let whole = mesh.bounds();
+        let leaf = |i| BvhNode::leaf(whole, i, 1);
+        let inner = |first| BvhNode::inner(whole, first);
+        let mut bvh = Bvh {
+            nodes: vec![inner(1), leaf(0), inner(3), leaf(1), leaf(2)],
+            prim_ids: vec![0, 1, 0],
+        };
+        let report = CollapseLeaves::default().optimize(&mut bvh).unwrap();
+        assert_eq!(bvh, Bvh { nodes: vec![BvhNode::leaf(whole, 0, 2)], prim_ids: vec![0, 1] });
+        assert_eq!(report.after, 2.0);
+    }
+
+    #[test]
+    fn repeated_ids_are_noticed() {
+        assert!(!has_repeated(&[]));
+        assert!(!has_repeated(&[2, 0, 1]));
+        assert!(!has_repeated(&[7, 0, u32::MAX]));
+        assert!(has_repeated(&[1, 0, 1]));
+        assert!(has_repeated(&[9, 3, 9]));
+    }
+}

@@ -4,7 +4,7 @@ use crate::tree::{Bounds, NONE, Node, Tree};
 
 /// Deeper targets are refused: the way up from one is walked to rule out cycles. Trees of builders
 /// are some 100 deep at most, chains made by hand can be 1,000,000 deep.
-const MAX_DEPTH: usize = 1024;
+pub(crate) const MAX_DEPTH: usize = 1024;
 
 impl Tree {
     /// Takes `node` out, lets its sibling take the place of their parent, and inserts `node` as a
@@ -30,7 +30,7 @@ impl Tree {
     }
 
     /// Whether `node` is `ancestor` or below it; true as well if it is too deep to tell.
-    fn is_within(&self, mut node: u32, ancestor: u32) -> bool {
+    pub(crate) fn is_within(&self, mut node: u32, ancestor: u32) -> bool {
         for _ in 0..MAX_DEPTH {
             if node == ancestor {
                 return true;

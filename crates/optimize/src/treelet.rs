@@ -203,3 +203,44 @@ impl Optimizer for Treelets {
         rearrange_memory(nodes, references) + sweep_memory(nodes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_hard_cases::{median_tree, soup_mesh};
+
+    /// The least sum of the areas of inner nodes of any tree over `leaves`, by joining any two
+    /// first.
+    fn least(leaves: &[crate::tree::Bounds], scale: f32) -> f32 {
+        if leaves.len() == 1 {
+            return 0.0;
+        }
+        let mut best = f32::INFINITY;
+        for i in 0..leaves.len() {
+            for j in 0..i {
+                let joined = leaves[i].union(leaves[j]);
+                let mut rest: Vec<_> =
+                    (0..leaves.len()).filter(|&k| k != i && k != j).map(|k| leaves[k]).collect();
+                rest.push(joined);
+                best = best.min(joined.area(scale) + least(&rest, scale));
+            }
+        }
+        best
+    }
+
+    #[test]
+    fn small_trees_become_the_best_ones() {
+        for (count, seed) in (3..7).flat_map(|count| (0..10).map(move |seed| (count, seed))) {
+            let bvh = median_tree(&soup_mesh(count, 0.5, seed), 1);
+            let mut tree = Tree::new(&bvh).unwrap().unwrap();
+            let leaves: Vec<_> =
+                tree.nodes().iter().filter(|n| n.is_leaf()).map(Node::bounds).collect();
+            // Node 1, which is not used, is all zeros and so counts as an inner node.
+            assert_eq!(leaves.len(), count);
+            Treelets::default().run(&mut tree);
+            let area = tree.inner_area();
+            let best = f64::from(least(&leaves, tree.scale));
+            assert!((area - best).abs() < 1e-5 * best, "{count} {seed}: {area} {best}");
+        }
+    }
+}
