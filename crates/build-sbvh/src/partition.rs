@@ -2,8 +2,9 @@
 
 use crate::boxes::Box4;
 use crate::spatial::{Planes, Split};
+use crate::weight::Weights;
 use niwaki_core::bins::CHUNK;
-use niwaki_core::{AreaScale, Clip, PrimRef, SahConstants};
+use niwaki_core::{AreaScale, Clip, PrimRef, to_u32};
 use rayon::prelude::*;
 
 /// Where a reference goes.
@@ -36,7 +37,7 @@ pub(crate) fn straddlers<C: Clip>(
     clip: &C,
     room: usize,
     scale: AreaScale,
-    sah: &SahConstants,
+    weights: &Weights,
     parallel: bool,
 ) -> Option<Straddlers> {
     let Split { axis, bin, boxes, counts, .. } = *split;
@@ -80,7 +81,7 @@ pub(crate) fn straddlers<C: Clip>(
     // that the next one sees.
     let mut boxes = boxes.map(|b| Box4::from_aabb(&b));
     let mut counts = counts;
-    let weight = |count: usize| sah.triangle * count as f32 + sah.leaf;
+    let weight = |count: usize| if count == 0 { 0.0 } else { weights.of(to_u32(count)) };
     let mut areas = boxes.map(|b| b.half_area(scale));
     let mut at = 0;
     let mut kept = 0;
