@@ -14,6 +14,9 @@ pub(crate) const RIGHT: u8 = 1;
 /// Where a reference goes: it is split.
 pub(crate) const BOTH: u8 = 2;
 
+/// While sides are decided: a reference that straddles the plane but may not be split.
+const WHOLE: u8 = 3;
+
 /// The two parts of a reference.
 pub(crate) type Parts = [PrimRef; 2];
 
@@ -26,8 +29,8 @@ pub(crate) struct Straddlers {
 }
 
 /// Decides to which sides of a plane references go: those that straddle it to both, unless one
-/// side alone is cheaper ("reference unsplitting", Stich et al. 2009, section 4.4). `None` if more
-/// than `room` straddle the plane or a side would stay empty.
+/// side alone is cheaper ("reference unsplitting", Stich et al. 2009, section 4.4). If more than
+/// `room` straddle the plane, only the largest are split. `None` if a side would stay empty.
 #[expect(clippy::too_many_arguments, reason = "all of one node")]
 pub(crate) fn straddlers<C: Clip>(
     refs: &[PrimRef],
@@ -41,9 +44,6 @@ pub(crate) fn straddlers<C: Clip>(
     parallel: bool,
 ) -> Option<Straddlers> {
     let Split { axis, bin, boxes, counts, .. } = *split;
-    if counts[0] + counts[1] > refs.len() + room {
-        return None;
-    }
     let write = |refs: &[PrimRef], sides: &mut [u8]| {
         for (side, p) in sides.iter_mut().zip(refs) {
             let [first, last] = planes.range(axis, p);
@@ -62,12 +62,13 @@ pub(crate) fn straddlers<C: Clip>(
     } else {
         write(refs, sides);
     }
+    let split = keep_largest(refs, sides, counts[0] + counts[1] - refs.len(), room, scale);
     let position = planes.position(axis, bin);
     let cut = |p: &PrimRef| {
         let boxes = clip.clip(p, axis, position);
         boxes.map(|b| PrimRef { min: b.min, max: b.max, ..*p })
     };
-    let mut parts: Vec<Parts> = Vec::with_capacity(counts[0] + counts[1] - refs.len());
+    let mut parts: Vec<Parts> = Vec::with_capacity(split);
     if parallel {
         let chunks = sides.par_chunks(CHUNK).zip(refs.par_chunks(CHUNK));
         parts.par_extend(chunks.flat_map_iter(|(sides, refs)| {
@@ -86,36 +87,41 @@ pub(crate) fn straddlers<C: Clip>(
     let mut at = 0;
     let mut kept = 0;
     for (side, p) in sides.iter_mut().zip(refs) {
-        if *side != BOTH {
+        if *side != BOTH && *side != WHOLE {
             continue;
         }
-        let part = parts[at];
-        at += 1;
         let whole = Box4::of(p);
         let grown = [boxes[0].union(whole), boxes[1].union(whole)];
         let grown_areas = grown.map(|b| b.half_area(scale));
         let [left, right] = counts;
-        let split = areas[0] * weight(left) + areas[1] * weight(right);
         let to_left = grown_areas[0] * weight(left) + areas[1] * weight(right - 1);
         let to_right = areas[0] * weight(left - 1) + grown_areas[1] * weight(right);
-        let [no_left, no_right] = part.map(|p| p.aabb().is_empty());
-        let only = if no_right || (!no_left && to_left < split.min(to_right)) {
-            Some(LEFT)
-        } else if no_left || to_right < split {
-            Some(RIGHT)
+        let cheaper = if to_left < to_right { LEFT } else { RIGHT };
+        let (part, only) = if *side == WHOLE {
+            ([*p; 2], Some(cheaper))
         } else {
-            None
+            let part = parts[at];
+            at += 1;
+            let split = areas[0] * weight(left) + areas[1] * weight(right);
+            let only = match part.map(|p| p.aabb().is_empty()) {
+                [_, true] => Some(LEFT),
+                [true, false] => Some(RIGHT),
+                _ => Some(cheaper).filter(|_| to_left.min(to_right) < split),
+            };
+            (part, only)
         };
         // The last reference of a side stays.
-        let only = only.filter(|&only| counts[usize::from(1 - only)] > 1);
+        let other = only.filter(|&only| counts[usize::from(1 - only)] == 1);
+        if other.is_some() && (*side == WHOLE || part.iter().any(|p| p.aabb().is_empty())) {
+            return None;
+        }
+        let only = if other.is_some() { None } else { only };
         if let Some(only) = only {
             *side = only;
             counts[usize::from(1 - only)] -= 1;
             let i = usize::from(only);
             boxes[i] = grown[i];
             areas[i] = grown_areas[i];
-        } else if no_left || no_right {
-            return None;
         } else {
             parts[kept] = part;
             kept += 1;
@@ -124,6 +130,39 @@ pub(crate) fn straddlers<C: Clip>(
     parts.truncate(kept);
     let cost = areas[0] * weight(counts[0]) + areas[1] * weight(counts[1]);
     Some(Straddlers { parts, cost })
+}
+
+/// Where more than `room` of the `straddling` references could be split, marks those with smaller
+/// boxes as [`WHOLE`]. Returns how many are left to split.
+fn keep_largest(
+    refs: &[PrimRef],
+    sides: &mut [u8],
+    straddling: usize,
+    room: usize,
+    scale: AreaScale,
+) -> usize {
+    if straddling <= room {
+        return straddling;
+    }
+    let area = |p: &PrimRef| p.aabb().half_area(scale);
+    let straddlers = sides.iter().zip(refs).filter(|&(&side, _)| side == BOTH);
+    let mut areas: Vec<f32> = Vec::with_capacity(straddling);
+    areas.extend(straddlers.map(|(_, p)| area(p)));
+    if areas.len() <= room {
+        return areas.len();
+    }
+    // Those of equal area: the first.
+    let (larger, &mut least, _) = areas.select_nth_unstable_by(room, |a, b| b.total_cmp(a));
+    let mut equal = larger.iter().filter(|&&area| area == least).count();
+    for (side, p) in sides.iter_mut().zip(refs).filter(|(side, _)| **side == BOTH) {
+        let area = area(p);
+        if area == least && equal > 0 {
+            equal -= 1;
+        } else if area <= least {
+            *side = WHOLE;
+        }
+    }
+    room
 }
 
 /// One side of a node after [`scatter`].

@@ -132,7 +132,7 @@ pub(crate) fn memory_bound(config: &Sbvh, count: usize) -> usize {
         }
     };
     let straddling = (capacity - count) * 2 * size_of::<PrimRef>();
-    let building = 3 * capacity * size_of::<PrimRef>() + straddling + 2 * count + swept;
+    let building = 3 * capacity * size_of::<PrimRef>() + straddling + 6 * capacity + swept;
     // While holes are closed: the nodes again, 4 bytes for the new place of each pair; the leaf
     // order again, with 12 bytes for each 64 places.
     let finishing = nodes + capacity * 4 + ids + capacity / 4;
