@@ -67,8 +67,8 @@ pub struct Sbvh {
     /// as in the paper (section 4.5).
     pub alpha: f32,
     /// The most references of the tree, relative to the number of primitives; 1 (no spatial
-    /// splits) to 16. Default 1.5. What a node may use up is a share of what is left by number of
-    /// references.
+    /// splits) to 16. Default 1.5. What is left is shared between children by
+    /// number of references times area.
     pub max_references: f32,
     /// How the expected cost of a child grows with its number N of references above
     /// [`Sbvh::max_leaf_size`]: as N to this power, 0.25 to 1. The surface area heuristic takes

@@ -4,7 +4,7 @@ use crate::boxes::Box4;
 use crate::spatial::{Planes, Split};
 use crate::weight::Weights;
 use niwaki_core::bins::CHUNK;
-use niwaki_core::{AreaScale, Clip, PrimRef, to_u32};
+use niwaki_core::{Aabb, AreaScale, Clip, PrimRef, to_u32};
 use rayon::prelude::*;
 
 /// Where a reference goes.
@@ -26,6 +26,8 @@ pub(crate) struct Straddlers {
     pub(crate) parts: Vec<Parts>,
     /// What the split costs after unsplitting.
     pub(crate) cost: f32,
+    /// The boxes of both sides after unsplitting.
+    pub(crate) boxes: [Aabb; 2],
 }
 
 /// Decides to which sides of a plane references go: those that straddle it to both, unless one
@@ -129,7 +131,7 @@ pub(crate) fn straddlers<C: Clip>(
     }
     parts.truncate(kept);
     let cost = areas[0] * weight(counts[0]) + areas[1] * weight(counts[1]);
-    Some(Straddlers { parts, cost })
+    Some(Straddlers { parts, cost, boxes: boxes.map(|b| b.aabb()) })
 }
 
 /// Where more than `room` of the `straddling` references could be split, marks those with smaller
@@ -188,12 +190,13 @@ impl Side {
 
 /// Moves references to `target`: those of the left side to its front, those of the right side to
 /// where the share of the left side ends, which is returned with both sides. Each side's share of
-/// the places that stay free is by its number of references.
+/// the places that stay free is by its number of references times its entry in `need`.
 pub(crate) fn scatter(
     refs: &[PrimRef],
     sides: &[u8],
     parts: &[Parts],
     target: &mut [PrimRef],
+    need: [f32; 2],
     parallel: bool,
 ) -> ([Side; 2], usize) {
     let tally = |sides: &[u8]| {
@@ -206,7 +209,7 @@ pub(crate) fn scatter(
     if !parallel {
         let [left, right, both] = tally(sides);
         let counts = [left + both, right + both];
-        let border = share(target.len(), counts);
+        let border = share(target.len(), counts, need);
         let (left, right) = target.split_at_mut(border);
         return (move_chunk(refs, sides, parts, &mut left[..counts[0]], right), border);
     }
@@ -214,7 +217,7 @@ pub(crate) fn scatter(
     let total = tallies
         .iter()
         .fold([0, 0], |[l, r], [left, right, both]| [l + left + both, r + right + both]);
-    let border = share(target.len(), total);
+    let border = share(target.len(), total, need);
     let (mut lefts, mut rights) = target.split_at_mut(border);
     let mut parts = parts;
     let mut moves = Vec::with_capacity(tallies.len());
@@ -237,10 +240,16 @@ pub(crate) fn scatter(
 }
 
 /// How many of `capacity` places the left side gets.
-fn share(capacity: usize, [left, right]: [usize; 2]) -> usize {
-    let free = (capacity - left - right) as u64;
-    let share = free * left as u64 / (left + right) as u64;
-    left + usize::try_from(share).unwrap_or(0)
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a part of a number of places, clamped to it"
+)]
+fn share(capacity: usize, [left, right]: [usize; 2], need: [f32; 2]) -> usize {
+    let free = capacity - left - right;
+    let [a, b] = [left as f64 * f64::from(need[0]), right as f64 * f64::from(need[1])];
+    let part = if a + b > 0.0 { a / (a + b) } else { 0.5 };
+    left + ((free as f64 * part) as usize).min(free)
 }
 
 fn move_chunk(

@@ -185,27 +185,29 @@ fn step<'a, C: Clip>(
             && straddlers.cost < best
         {
             best = straddlers.cost;
-            parts = Some(straddlers.parts);
+            parts = Some((straddlers.parts, straddlers.boxes));
         }
     }
     if count <= config.max_leaf_size && leaf * area <= sah.inner * area + best {
         return make_leaf(task);
     }
-    let parts = match (parts, object) {
-        (Some(parts), _) => parts,
+    let (parts, boxes) = match (parts, object) {
+        (Some(split), _) => split,
         // A split that makes no box smaller, as among equal boxes, would go on for one reference a
         // level.
         (None, Some(split)) if split.boxes.iter().any(|b| b.half_area(scale) < area) => {
             finder.sides(&split, refs, sides, parallel);
-            Vec::new()
+            (Vec::new(), split.boxes)
         }
         _ => {
             object::halve(refs, &centroids, sides);
-            Vec::new()
+            (Vec::new(), [bounds; 2])
         }
     };
+    // Where boxes are large, references are likely to be cut again.
+    let need = boxes.map(|b| b.half_area(scale));
     let Task { subtree, refs, spare, ids, first, .. } = task;
-    let (children, border) = scatter(&refs[..count], sides, &parts, spare, parallel);
+    let (children, border) = scatter(&refs[..count], sides, &parts, spare, need, parallel);
     let [a, b] = subtree.split(bounds, border);
     let (spare_a, spare_b) = refs.split_at_mut(border);
     let (refs_a, refs_b) = spare.split_at_mut(border);

@@ -167,19 +167,26 @@ fn long_soup(count: usize, length: f32, seed: u64) -> TriangleMesh {
     }))
 }
 
+/// Thin triangles side by side, diagonal to all axes: boxes that overlap far more than they hold.
+fn beams(count: usize) -> TriangleMesh {
+    mesh((0..count).map(|i| {
+        let from = Vec3::X * (i as f32 * 0.05);
+        [from, from + Vec3::ONE, from + Vec3::ONE * 0.5 + Vec3::X * 0.002]
+    }))
+}
+
 #[test]
 fn spatial_splits_pay_where_triangles_are_long() {
-    let mesh = long_soup(3000, 0.5, 1);
+    let mesh = beams(500);
     let cost = |builder: &dyn Builder| {
         let bvh = builder.build_mesh(&mesh).expect("finite");
         sah(&bvh, &SahConstants::THESIS_IV)
     };
-    let binned = cost(&Binned::default());
-    let few = cost(&Sbvh { max_references: 1.5, ..Sbvh::default() });
-    let more = cost(&Sbvh { max_references: 4.0, ..Sbvh::default() });
-    assert!(few < 0.9 * binned, "{few} {binned}");
-    assert!(more < 0.8 * few, "{more} {few}");
-    assert!(cost(&Sbvh::sweep()) < 0.8 * cost(&Sweep::default()));
+    let costs = [1.0, 2.0, 4.0, 8.0]
+        .map(|max_references| cost(&Sbvh { max_references, ..Sbvh::default() }));
+    assert!(costs.windows(2).all(|pair| pair[1] < pair[0]), "{costs:?}");
+    assert!(costs[3] < 0.7 * costs[0], "{costs:?}");
+    assert!(costs[3] < 0.7 * cost(&Binned::default()), "{costs:?}");
 }
 
 #[test]
