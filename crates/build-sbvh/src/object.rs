@@ -2,8 +2,9 @@
 
 use crate::boxes::Box4;
 use crate::partition::{BOTH, LEFT, RIGHT};
+use crate::weight::Weights;
 use crate::{ObjectSplit, Sbvh};
-use niwaki_core::bins::{Bins, CHUNK, Kernel, MAX_BINS, Mapping};
+use niwaki_core::bins::{Bins, CHUNK, Corners, Kernel, MAX_BINS, Mapping};
 use niwaki_core::float::sortable_bits;
 use niwaki_core::{Aabb, AreaScale, PrimRef, radix, to_u32};
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use rayon::prelude::*;
 /// A split between references that [`Finder::find`] found.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Split {
-    /// C_T·(A(left)·N(left) + A(right)·N(right)) + C_L·(A(left) + A(right)), in scaled half areas.
+    /// A(left)·w(left) + A(right)·w(right), in scaled half areas, with [`Weights::of`].
     pub(crate) cost: f32,
     /// The boxes of both sides.
     pub(crate) boxes: [Aabb; 2],
@@ -59,12 +60,13 @@ impl Finder {
         centroids: &Aabb,
         scale: AreaScale,
         config: &Sbvh,
+        weights: &Weights,
         parallel: bool,
     ) -> Option<Split> {
         let count = refs.len();
         let bins = match config.object_split {
             ObjectSplit::Sweep { up_to } if count <= up_to => {
-                return self.sweep(refs, scale, config);
+                return self.sweep(refs, scale, weights);
             }
             ObjectSplit::Sweep { .. } => MAX_BINS,
             // Few references would leave most bins empty.
@@ -77,14 +79,17 @@ impl Finder {
             self.bins.clear(bins);
             self.kernel.fill(&mut self.bins, refs, &mapping);
         }
-        let split = self.kernel.best(&self.bins, bins, scale, &config.sah)?;
+        let split = if config.count_exponent == 1.0 {
+            self.kernel.best(&self.bins, bins, scale, &config.sah)
+        } else {
+            best_border(&self.bins, bins, scale, weights)
+        }?;
         let boxes = self.bins.sides(&split, bins);
         Some(Split { cost: split.cost, boxes, how: How::Bins(mapping, split) })
     }
 
-    fn sweep(&mut self, refs: &[PrimRef], scale: AreaScale, config: &Sbvh) -> Option<Split> {
+    fn sweep(&mut self, refs: &[PrimRef], scale: AreaScale, weights: &Weights) -> Option<Split> {
         let count = refs.len();
-        let sah = &config.sah;
         let grow = |vector: &mut Vec<u64>| {
             vector.clear();
             vector.reserve_exact(count);
@@ -116,13 +121,13 @@ impl Finder {
             }
             bounds = Box4::EMPTY;
             let mut found = None;
-            for i in 1..count {
-                bounds = bounds.union(Box4::of(&refs[index(self.keys[i - 1])]));
-                let (left, right) = (bounds.half_area(scale), self.right[i]);
-                let weighted = left * i as f32 + right * (count - i) as f32;
-                let cost = sah.triangle * weighted + sah.leaf * (left + right);
+            let number = to_u32(count);
+            for ((i, &right), &key) in (1..number).zip(&self.right[1..]).zip(&self.keys) {
+                bounds = bounds.union(Box4::of(&refs[index(key)]));
+                let left = bounds.half_area(scale);
+                let cost = left * weights.of(i) + right * weights.of(number - i);
                 if cost < best.map_or(f32::INFINITY, |(cost, _)| cost) {
-                    best = Some((cost, i));
+                    best = Some((cost, i as usize));
                     found = Some(i);
                 }
             }
@@ -169,6 +174,43 @@ impl Finder {
         }
         debug_assert!(!sides.contains(&BOTH));
     }
+}
+
+/// As [`Kernel::best`] with other weights.
+fn best_border(
+    bins: &Bins,
+    number: usize,
+    scale: AreaScale,
+    weights: &Weights,
+) -> Option<niwaki_core::bins::Split> {
+    let mut best: Option<niwaki_core::bins::Split> = None;
+    for axis in 0..3 {
+        let mut right = [0.0_f32; MAX_BINS];
+        let mut bounds = Corners::EMPTY;
+        let mut count = 0;
+        for i in (1..number).rev() {
+            bounds = bounds.union(&bins.bounds[i][axis]);
+            count += bins.counts[i][axis];
+            if count > 0 {
+                right[i] = bounds.half_area(scale) * weights.of(count);
+            }
+        }
+        let total = count + bins.counts[0][axis];
+        bounds = Corners::EMPTY;
+        count = 0;
+        for (i, &right) in right.iter().enumerate().take(number).skip(1) {
+            bounds = bounds.union(&bins.bounds[i - 1][axis]);
+            count += bins.counts[i - 1][axis];
+            if count == 0 || count == total {
+                continue;
+            }
+            let cost = bounds.half_area(scale) * weights.of(count) + right;
+            if cost < best.map_or(f32::INFINITY, |b| b.cost) {
+                best = Some(niwaki_core::bins::Split { axis, bin: i, cost });
+            }
+        }
+    }
+    best
 }
 
 /// The position in the low half of a key.

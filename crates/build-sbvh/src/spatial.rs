@@ -2,9 +2,10 @@
 //! section 3.2).
 
 use crate::boxes::Box4;
+use crate::weight::Weights;
 use niwaki_core::bins::CHUNK;
 use niwaki_core::glam::Vec4;
-use niwaki_core::{Aabb, AreaScale, Clip, PrimRef, SahConstants};
+use niwaki_core::{Aabb, AreaScale, Clip, PrimRef};
 use rayon::prelude::*;
 
 /// Equidistant planes through a node's box, `bins − 1` across each axis.
@@ -131,7 +132,6 @@ impl Bins {
             positions.clear();
             positions.extend((0..planes.bins).map(|bin| planes.position(axis, bin)));
         }
-        let axes = [0, 1, 2].map(|axis| planes.has(axis));
         for p in refs {
             let bounds = Box4::without_ids(p);
             for (axis, [first, last]) in planes.ranges(&bounds).into_iter().enumerate() {
@@ -141,7 +141,7 @@ impl Bins {
                 if first == last {
                     let bin = &mut bins[first];
                     bin.bounds = bin.bounds.union(bounds);
-                } else if axes[axis] {
+                } else {
                     let bins = &mut bins[first..=last];
                     let positions = &self.positions[axis][first + 1..=last];
                     clip.chop(p, axis, positions, |i, [min, max]| {
@@ -179,7 +179,7 @@ impl Bins {
         &mut self,
         planes: &Planes,
         scale: AreaScale,
-        sah: &SahConstants,
+        weights: &Weights,
     ) -> Option<Split> {
         let mut best: Option<Split> = None;
         for axis in (0..3).filter(|&axis| planes.has(axis)) {
@@ -203,8 +203,7 @@ impl Bins {
                     continue;
                 }
                 let left_area = bounds.half_area(scale);
-                let weighted = left_area * count as f32 + right_area * right as f32;
-                let cost = sah.triangle * weighted + sah.leaf * (left_area + right_area);
+                let cost = left_area * weights.of(count) + right_area * weights.of(right);
                 if cost < best.map_or(f32::INFINITY, |best| best.cost) {
                     let counts = [count as usize, right as usize];
                     let boxes = [bounds.aabb(), Aabb::EMPTY];

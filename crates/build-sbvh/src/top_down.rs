@@ -4,11 +4,12 @@
 use crate::object::{self, Finder};
 use crate::partition::{Side, scatter, straddlers};
 use crate::spatial::{Bins, Planes};
+use crate::weight::Weights;
 use crate::{ObjectSplit, Sbvh};
 use niwaki_core::bins::{CHUNK, Kernel};
 use niwaki_core::layout::{Subtree, divide, finish_with_holes, slots};
 use niwaki_core::{
-    Aabb, AreaScale, BuildError, Bvh, BvhNode, Clip, PrimRef, SceneBounds, scene_bounds,
+    Aabb, AreaScale, BuildError, Bvh, BvhNode, Clip, PrimRef, SceneBounds, scene_bounds, to_u32,
 };
 use rayon::prelude::*;
 
@@ -20,7 +21,7 @@ const GRAIN: usize = 2048;
 
 /// Levels of splits by cost; deeper nodes are halved by number, which bounds depth and time for
 /// inputs that make the heuristic peel off one reference after the other.
-pub(crate) const SPLIT_LEVELS: u32 = 256;
+pub(crate) const SPLIT_LEVELS: u32 = 100;
 
 /// A node to build.
 struct Task<'a> {
@@ -46,6 +47,7 @@ struct Context<'a, C> {
     scene: SceneBounds,
     /// Spatial splits are tried for overlaps of more than this half area.
     overlap: f32,
+    weights: Weights,
 }
 
 /// Memory of one thread.
@@ -72,7 +74,7 @@ pub(crate) fn build<C: Clip>(
     let mut ids: Vec<u32> = bytemuck::zeroed_vec(capacity);
     let mut nodes = slots(capacity);
     let overlap = config.alpha * scene.bounds.half_area(scene.area_scale);
-    let context = Context { config, clip, scene, overlap };
+    let context = Context { config, clip, scene, overlap, weights: Weights::new(config) };
     if let Some(subtree) = Subtree::root(&mut nodes) {
         let mut refs: Vec<PrimRef> = bytemuck::zeroed_vec(capacity);
         let mut spare: Vec<PrimRef> = bytemuck::zeroed_vec(capacity);
@@ -130,11 +132,12 @@ pub(crate) fn memory_bound(config: &Sbvh, count: usize) -> usize {
         }
     };
     let straddling = (capacity - count) * 2 * size_of::<PrimRef>();
-    let building = 3 * capacity * size_of::<PrimRef>() + straddling + 2 * count + swept;
+    let building = 3 * capacity * size_of::<PrimRef>() + straddling + 6 * capacity + swept;
     // While holes are closed: the nodes again, 4 bytes for the new place of each pair; the leaf
     // order again, with 12 bytes for each 64 places.
     let finishing = nodes + capacity * 4 + ids + capacity / 4;
     let working = (256 << 10)
+        + Weights::BYTES
         + threads * (size_of::<niwaki_core::bins::Bins>() + Bins::bytes(config.spatial_bins)) * 4;
     nodes + ids + building.max(finishing) + working
 }
@@ -145,7 +148,7 @@ fn step<'a, C: Clip>(
     context: &Context<'_, C>,
     scratch: &mut Scratch,
 ) -> Option<[Task<'a>; 2]> {
-    let config = context.config;
+    let Context { config, clip, weights, .. } = context;
     let sah = &config.sah;
     let Task { count, bounds, centroids, level, .. } = task;
     let refs = &task.refs[..count];
@@ -162,47 +165,49 @@ fn step<'a, C: Clip>(
     let object = if level >= SPLIT_LEVELS {
         None
     } else {
-        finder.find(refs, &centroids, scale, config, parallel)
+        finder.find(refs, &centroids, scale, config, weights, parallel)
     };
-    let mut best = object.map_or(f32::INFINITY, |split| split.cost);
+    let area = bounds.half_area(scale);
+    let mut best = object.map_or(area * weights.of(to_u32(count)), |split| split.cost);
     let mut parts = None;
     let room = task.refs.len() - count;
     if room > 0 && level < SPLIT_LEVELS && object.is_none_or(|split| overlaps(&split, context)) {
         let planes = Planes::new(&bounds, config.spatial_bins);
         if parallel {
-            spatial.fill_parallel(refs, &planes, context.clip);
+            spatial.fill_parallel(refs, &planes, *clip);
         } else {
-            spatial.fill(refs, &planes, context.clip);
+            spatial.fill(refs, &planes, *clip);
         }
-        if let Some(split) = spatial.best(&planes, scale, sah)
+        if let Some(split) = spatial.best(&planes, scale, weights)
             && split.cost < best
             && let Some(straddlers) =
-                straddlers(refs, sides, &split, &planes, context.clip, room, scale, sah, parallel)
+                straddlers(refs, sides, &split, &planes, *clip, room, scale, weights, parallel)
             && straddlers.cost < best
         {
             best = straddlers.cost;
-            parts = Some(straddlers.parts);
+            parts = Some((straddlers.parts, straddlers.boxes));
         }
     }
-    let area = bounds.half_area(scale);
     if count <= config.max_leaf_size && leaf * area <= sah.inner * area + best {
         return make_leaf(task);
     }
-    // A split that gains nothing, as among equal boxes, would go on for one reference a level.
-    let gains = best < leaf * area;
-    let parts = match (parts, object) {
-        (Some(parts), _) if gains => parts,
-        (_, Some(split)) if gains => {
+    let (parts, boxes) = match (parts, object) {
+        (Some(split), _) => split,
+        // A split that makes no box smaller, as among equal boxes, would go on for one reference a
+        // level.
+        (None, Some(split)) if split.boxes.iter().any(|b| b.half_area(scale) < area) => {
             finder.sides(&split, refs, sides, parallel);
-            Vec::new()
+            (Vec::new(), split.boxes)
         }
         _ => {
             object::halve(refs, &centroids, sides);
-            Vec::new()
+            (Vec::new(), [bounds; 2])
         }
     };
+    // Where boxes are large, references are likely to be cut again.
+    let need = boxes.map(|b| b.half_area(scale));
     let Task { subtree, refs, spare, ids, first, .. } = task;
-    let (children, border) = scatter(&refs[..count], sides, &parts, spare, parallel);
+    let (children, border) = scatter(&refs[..count], sides, &parts, spare, need, parallel);
     let [a, b] = subtree.split(bounds, border);
     let (spare_a, spare_b) = refs.split_at_mut(border);
     let (refs_a, refs_b) = spare.split_at_mut(border);

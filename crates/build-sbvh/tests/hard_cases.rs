@@ -63,15 +63,21 @@ fn builders() -> [Sbvh; 4] {
     ]
 }
 
+fn all_cases() -> impl Iterator<Item = (&'static str, TriangleMesh)> {
+    let catalogue = niwaki_hard_cases::meshes().into_iter().map(|case| (case.name, case.mesh));
+    hard_cases().into_iter().chain(catalogue)
+}
+
 #[test]
 fn hard_cases_are_survived() {
-    let pools = pools(&[1, 2, 3, 8]);
-    for builder in builders() {
-        for (name, mesh) in hard_cases() {
-            check(name, &builder, &mesh, &pools);
-        }
-        for case in niwaki_hard_cases::meshes() {
-            check(case.name, &builder, &case.mesh, &pools);
+    let few = pools(&[1, 3]);
+    for (name, mesh) in all_cases() {
+        check(name, &Sbvh::default(), &mesh, &few);
+        // Unoptimised, the large ones take seconds with the others.
+        if mesh.len() <= 5000 {
+            for builder in &builders()[1..] {
+                check(name, builder, &mesh, &few);
+            }
         }
     }
 }
@@ -80,7 +86,7 @@ fn hard_cases_are_survived() {
 fn bare_boxes_are_split_too() {
     let pools = pools(&[1, 3]);
     for builder in builders() {
-        for (name, mesh) in hard_cases() {
+        for (name, mesh) in hard_cases().into_iter().filter(|(_, mesh)| mesh.len() <= 5000) {
             let prims = mesh.prim_refs();
             let [one, three] =
                 [0, 1].map(|i| pools[i].install(|| builder.build(&prims)).expect("finite"));
@@ -96,7 +102,7 @@ fn bare_boxes_are_split_too() {
 #[test]
 fn large_nodes_do_not_show_threads() {
     // Large enough for several levels of parallel binning, cutting and moving.
-    let mesh = long_soup(200_000, 0.2, 6);
+    let mesh = long_soup(100_000, 0.1, 6);
     let bvh = check("soup", &Sbvh::default(), &mesh, &pools(&[1, 2, 3, 8]));
     assert!(bvh.prim_ids.len() > mesh.len());
 }
@@ -144,6 +150,9 @@ fn settings_out_of_range_are_refused() {
     for max_references in [0.9, 17.0, f32::NAN] {
         assert_eq!(refused(&Sbvh { max_references, ..good }), "max_references");
     }
+    for count_exponent in [0.2, 1.1, f32::NAN] {
+        assert_eq!(refused(&Sbvh { count_exponent, ..good }), "count_exponent");
+    }
     assert_eq!(refused(&Sbvh { max_leaf_size: 0, ..good }), "max_leaf_size");
     let sah = SahConstants { triangle: -1.0, ..SahConstants::THESIS_IV };
     assert_eq!(refused(&Sbvh { sah, ..good }), "sah");
@@ -158,25 +167,39 @@ fn long_soup(count: usize, length: f32, seed: u64) -> TriangleMesh {
     }))
 }
 
+/// Thin triangles side by side, diagonal to all axes: boxes that overlap far more than they hold.
+fn beams(count: usize) -> TriangleMesh {
+    mesh((0..count).map(|i| {
+        let from = Vec3::X * (i as f32 * 0.05);
+        [from, from + Vec3::ONE, from + Vec3::ONE * 0.5 + Vec3::X * 0.002]
+    }))
+}
+
 #[test]
 fn spatial_splits_pay_where_triangles_are_long() {
-    let mesh = long_soup(3000, 0.5, 1);
+    let mesh = beams(500);
     let cost = |builder: &dyn Builder| {
         let bvh = builder.build_mesh(&mesh).expect("finite");
         sah(&bvh, &SahConstants::THESIS_IV)
     };
-    let binned = cost(&Binned::default());
-    let few = cost(&Sbvh { max_references: 1.2, ..Sbvh::default() });
-    let more = cost(&Sbvh { max_references: 4.0, ..Sbvh::default() });
-    assert!(few < 0.9 * binned, "{few} {binned}");
-    assert!(more < 0.8 * few, "{more} {few}");
-    assert!(cost(&Sbvh::sweep()) < 0.8 * cost(&Sweep::default()));
+    let costs = [1.0, 2.0, 4.0, 8.0]
+        .map(|max_references| cost(&Sbvh { max_references, ..Sbvh::default() }));
+    assert!(costs.windows(2).all(|pair| pair[1] < pair[0]), "{costs:?}");
+    assert!(costs[3] < 0.7 * costs[0], "{costs:?}");
+    assert!(costs[3] < 0.7 * cost(&Binned::default()), "{costs:?}");
 }
 
 #[test]
 fn without_room_it_is_the_object_split_builder() {
     let mesh = soup(5000, 3);
-    let sbvh = Sbvh { max_references: 1.0, ..Sbvh::sweep() }.build_mesh(&mesh).expect("finite");
+    let sbvh = Sbvh {
+        max_references: 1.0,
+        count_exponent: 1.0,
+        object_split: ObjectSplit::Sweep { up_to: usize::MAX },
+        ..Sbvh::sweep()
+    }
+    .build_mesh(&mesh)
+    .expect("finite");
     let sweep = Sweep::default().build_mesh(&mesh).expect("finite");
     assert_eq!(sbvh.prim_ids.len(), mesh.len());
     let [a, b] = [&sbvh, &sweep].map(|bvh| sah(bvh, &SahConstants::THESIS_IV));
@@ -192,7 +215,7 @@ fn a_closed_mesh_of_even_triangles_is_hardly_split() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(32))]
 
     /// Everything overlaps everything: covered, within the bound, equal on all threads.
     #[test]

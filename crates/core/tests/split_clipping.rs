@@ -2,7 +2,7 @@
 //! rational arithmetic (stricter than `f64`, whose own rounding long thin triangles magnify).
 
 use glam::Vec3;
-use niwaki_core::{Aabb, Triangle};
+use niwaki_core::{Aabb, Clip, PrimRef, Triangle, TriangleMesh};
 use num_rational::BigRational;
 use proptest::prelude::*;
 
@@ -122,4 +122,50 @@ fn a_plane_through_a_corner_or_beside_the_triangle() {
     assert_eq!(upper, Aabb::new(Vec3::new(1.0, 0.0, 0.0), Vec3::new(2.0, 1.0, 0.0)));
     let (lower, upper) = t.split(&t.bounds(), 0, 5.0);
     assert_eq!((lower, upper), (t.bounds(), Aabb::EMPTY));
+}
+
+/// Hands on [`Clip::clip`] alone, so that parts are chopped one after the other.
+struct OneByOne<'a>(&'a TriangleMesh);
+
+impl Clip for OneByOne<'_> {
+    fn clip(&self, prim: &PrimRef, axis: usize, position: f32) -> [Aabb; 2] {
+        self.0.clip(prim, axis, position)
+    }
+}
+
+proptest! {
+    /// Chopping all at once gives the parts that exact clipping gives, but for rounding.
+    #[test]
+    fn chopped_parts_are_the_clipped_ones(
+        corners in prop::array::uniform9(-1.0_f32..1.0),
+        axis in 0_usize..3,
+        mut positions in prop::collection::vec(-1.0_f32..1.0, 1..8),
+    ) {
+        positions.sort_by(f32::total_cmp);
+        let [a, b, c] = [0, 3, 6].map(|i| Vec3::from_slice(&corners[i..i + 3]));
+        let mesh = TriangleMesh::from_triangles(&[Triangle::new(a, b, c)]).unwrap();
+        let prim = mesh.prim_refs()[0];
+        let mut exact = vec![None; positions.len() + 1];
+        OneByOne(&mesh).chop(&prim, axis, &positions, |i, part| exact[i] = Some(part));
+        let mut chopped = exact.clone();
+        chopped.fill(None);
+        mesh.chop(&prim, axis, &positions, |i, part| chopped[i] = Some(part));
+        // An edge that is nearly parallel to the plane is cut nowhere in particular.
+        let edges = [a - b, b - c, c - a];
+        prop_assume!(edges.iter().all(|e| e[axis].abs() > 1e-2));
+        for (exact, chopped) in exact.iter().zip(&chopped) {
+            match (exact, chopped) {
+                (Some(exact), Some(chopped)) => {
+                    for (e, c) in exact.iter().zip(chopped) {
+                        prop_assert!((e.truncate() - c.truncate()).abs().max_element() < 1e-4);
+                    }
+                }
+                (None, None) => {}
+                // Parts no wider than rounding may be left out.
+                (Some([low, high]), None) | (None, Some([low, high])) => {
+                    prop_assert!((*high - *low)[axis].abs() < 1e-5);
+                }
+            }
+        }
+    }
 }

@@ -69,8 +69,10 @@ impl Corners {
         &self.0
     }
 
+    /// As [`Aabb::half_area`].
+    #[must_use]
     #[inline]
-    fn half_area(&self, scale: AreaScale) -> f32 {
+    pub fn half_area(&self, scale: AreaScale) -> f32 {
         let [x, y, z, _, a, b, c, _] = self.0;
         let e = [(a + x) * scale.get(), (b + y) * scale.get(), (c + z) * scale.get()];
         e[0] * (e[1] + e[2]) + e[1] * e[2]
