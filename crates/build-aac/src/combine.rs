@@ -15,8 +15,10 @@ pub(crate) struct Named {
 /// Clusters and the distance of each two: half the area of their common box.
 pub(crate) struct Set {
     pub(crate) clusters: Vec<Named>,
-    /// Row by row, each as long as there are clusters; the diagonal means nothing.
+    /// Row by row, each as long as there are clusters; infinite on the diagonal.
     distances: Vec<f32>,
+    /// For each cluster.
+    nearest: Vec<Nearest>,
 }
 
 /// What a cluster's nearest is, and how far.
@@ -24,6 +26,32 @@ pub(crate) struct Set {
 struct Nearest {
     distance: f32,
     other: usize,
+}
+
+impl Nearest {
+    /// Takes another cluster if it is nearer.
+    #[inline]
+    fn improve(&mut self, distance: f32, other: usize) {
+        if distance < self.distance {
+            *self = Self { distance, other };
+        }
+    }
+
+    /// The first of the nearest in a row of distances: first the distance, eight at a time, then
+    /// where it is.
+    fn of(row: &[f32]) -> Self {
+        let (blocks, rest) = row.as_chunks::<8>();
+        let smaller = |a: f32, b: f32| if a < b { a } else { b };
+        let mut lanes = [f32::INFINITY; 8];
+        for block in blocks {
+            for (lane, &d) in lanes.iter_mut().zip(block) {
+                *lane = smaller(d, *lane);
+            }
+        }
+        let distance = lanes.iter().chain(rest).copied().fold(f32::INFINITY, smaller);
+        let other = row.iter().position(|&d| d == distance).unwrap_or(0);
+        Self { distance, other }
+    }
 }
 
 fn distance(a: &Named, b: &Named, scale: AreaScale) -> f32 {
@@ -35,15 +63,18 @@ fn distance(a: &Named, b: &Named, scale: AreaScale) -> f32 {
 impl Set {
     pub(crate) fn new(clusters: Vec<Named>, scale: AreaScale) -> Self {
         let len = clusters.len();
-        let mut distances = vec![0.0; len * len];
+        let mut distances = vec![f32::INFINITY; len * len];
+        let mut nearest = vec![Nearest { distance: f32::INFINITY, other: 0 }; len];
         for i in 1..len {
             for j in 0..i {
                 let d = distance(&clusters[i], &clusters[j], scale);
                 distances[i * len + j] = d;
                 distances[j * len + i] = d;
+                nearest[i].improve(d, j);
+                nearest[j].improve(d, i);
             }
         }
-        Self { clusters, distances }
+        Self { clusters, distances, nearest }
     }
 
     /// All clusters of both; only distances between the two are new (section 3.3).
@@ -52,40 +83,33 @@ impl Set {
         let len = own + others;
         let clusters = [&left.clusters[..], &right.clusters[..]].concat();
         let mut distances = vec![0.0; len * len];
+        let moved = right.nearest.iter().map(|n| Nearest { other: n.other + own, ..*n });
+        let mut nearest: Vec<_> = left.nearest.iter().copied().chain(moved).collect();
         for (i, a) in left.clusters.iter().enumerate() {
             distances[i * len..][..own].copy_from_slice(&left.distances[i * own..][..own]);
             for (j, b) in right.clusters.iter().enumerate() {
                 let d = distance(a, b, scale);
                 distances[i * len + own + j] = d;
                 distances[(own + j) * len + i] = d;
+                nearest[i].improve(d, own + j);
+                nearest[own + j].improve(d, i);
             }
         }
         for j in 0..others {
             distances[(own + j) * len + own..][..others]
                 .copy_from_slice(&right.distances[j * others..][..others]);
         }
-        Self { clusters, distances }
+        Self { clusters, distances, nearest }
     }
 
     /// Joins the nearest pair until at most `target` clusters, and at least one, are left.
     pub(crate) fn join(&mut self, target: usize, slots: &mut Slots<'_>, rule: &LeafRule) {
-        let Self { clusters, distances } = self;
+        let Self { clusters, distances, nearest } = self;
         let stride = clusters.len();
         let target = target.max(1);
         if stride <= target {
             return;
         }
-        // The first of the nearest among the clusters left.
-        let search = |distances: &[f32], of: usize, len: usize| {
-            let mut nearest = Nearest { distance: f32::INFINITY, other: of };
-            for (other, &distance) in distances[of * stride..][..len].iter().enumerate() {
-                if distance < nearest.distance && other != of {
-                    nearest = Nearest { distance, other };
-                }
-            }
-            nearest
-        };
-        let mut nearest: Vec<_> = (0..stride).map(|i| search(distances, i, stride)).collect();
         while clusters.len() > target {
             let mut first = 0;
             for i in 1..nearest.len() {
@@ -126,7 +150,7 @@ impl Set {
             }
             for (i, nearest) in nearest.iter_mut().enumerate() {
                 if i == lower || nearest.distance == f32::INFINITY {
-                    *nearest = search(distances, i, last);
+                    *nearest = Nearest::of(&distances[i * stride..][..last]);
                 }
             }
         }
