@@ -25,7 +25,7 @@ mod descend;
 
 pub use agglomerative::Agglomerative;
 
-use niwaki_core::bottom_up::{Cluster, Forest, LeafRule};
+use niwaki_core::bottom_up::{Forest, LeafRule};
 use niwaki_core::{
     BuildError, Builder, Bvh, BvhNode, PrimRef, SahConstants, TriangleMesh, morton, scene_bounds,
 };
@@ -34,7 +34,7 @@ use niwaki_core::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aac {
     /// δ: a node of the Morton tree with at most this many primitives starts from single
-    /// primitives, and hands on half as many clusters. 2 to 4096. Default 20.
+    /// primitives, and hands on half as many clusters. 2 to 128. Default 20.
     pub delta: usize,
     /// ε: a node of `n` primitives hands on δ^(½ + ε)/2 · n^(½ − ε) clusters (section 3.2). Greater
     /// than 0, at most 0.5. Default 0.1. The smaller, the more pairs are looked at.
@@ -66,11 +66,11 @@ impl Aac {
     }
 
     fn check(&self) -> Result<(), BuildError> {
-        if !(2..=4096).contains(&self.delta) {
+        if !(2..=128).contains(&self.delta) {
             return Err(BuildError::BadSetting {
                 setting: "delta",
                 value: self.delta.to_string(),
-                remedy: "use 2 to 4096",
+                remedy: "use 2 to 128",
             });
         }
         if !(self.epsilon > 0.0 && self.epsilon <= 0.5) {
@@ -121,13 +121,24 @@ impl Builder for Aac {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
-        let pairs = count * Forest::SLOT_BYTES;
         let nodes = (2 * count).saturating_sub(1) * size_of::<BvhNode>();
-        count * (size_of::<PrimRef>() + 16)
-            + pairs
-            + nodes
-            + count * size_of::<Cluster>()
-            + (8 << 20)
+        let forest = count * Forest::SLOT_BYTES;
+        let source = count * (size_of::<PrimRef>() + size_of::<u64>() + size_of::<u32>());
+        // Each thread joins one set, of the clusters of two, which are still there: (4 + 1 + 1)·f²
+        // distances. Finished sets wait, at most one a level and thread. All of them together have
+        // n primitives at most, and as f² grows slower than n, most distances if all are equal.
+        let threads = rayon::current_num_threads() as f64;
+        let most = |sets: f64| sets.powf(2.0 * f64::from(self.epsilon));
+        let kept = self.kept(count.max(self.delta)) as f64;
+        let distances = kept * kept * (6.0 * most(threads) + most(95.0 * threads));
+        let matrices = distances * size_of::<f32>() as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive, and saturating"
+        )]
+        let matrices = matrices as usize;
+        source + forest + matrices.max(nodes + count * size_of::<u32>()) + (1 << 20)
     }
 }
 

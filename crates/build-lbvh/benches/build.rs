@@ -1,16 +1,17 @@
 //! Build time by number of triangles, on the current pool: `cargo bench -p niwaki-build-lbvh`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use niwaki_build_lbvh::{Algorithm, Lbvh};
+use niwaki_build_lbvh::{Algorithm, Hlbvh, Lbvh};
 use niwaki_core::Builder;
 use niwaki_hard_cases::soup_mesh;
 use std::hint::black_box;
 
 fn build(criterion: &mut Criterion) {
-    let builders: [(&str, Box<dyn Builder>); 4] = [
+    let builders: [(&str, Box<dyn Builder>); 5] = [
         ("karras 63", Box::new(Lbvh { algorithm: Algorithm::Karras, ..Lbvh::default() })),
         ("lauterbach 63", Box::new(Lbvh { algorithm: Algorithm::Lauterbach, ..Lbvh::default() })),
         ("apetrei 63", Box::new(Lbvh { algorithm: Algorithm::Apetrei, ..Lbvh::default() })),
+        ("hlbvh", Box::new(Hlbvh::default())),
         (
             "apetrei 30",
             Box::new(Lbvh { algorithm: Algorithm::Apetrei, code_bits: 30, ..Lbvh::default() }),

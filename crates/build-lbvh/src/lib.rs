@@ -21,6 +21,8 @@
 //! codes are told apart by their position in the order. [`Algorithm`] says how that tree is
 //! found, not which tree: all give the same bytes.
 //!
+//! [`Hlbvh`] builds treelets that way and a better tree over them (Pantaleoni and Luebke 2010).
+//!
 //! There are no feature flags.
 
 mod chunk;

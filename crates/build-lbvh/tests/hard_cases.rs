@@ -3,7 +3,7 @@
 #[path = "../../build-median/tests/support/mod.rs"]
 mod support;
 
-use niwaki_build_lbvh::{Algorithm, Lbvh};
+use niwaki_build_lbvh::{Algorithm, Hlbvh, Lbvh};
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Builder, Bvh, SahConstants, TriangleMesh};
 use niwaki_metrics::{sah, validate};
@@ -20,6 +20,12 @@ fn hard_cases_are_survived() {
         let small = Lbvh { algorithm, code_bits: 30, max_leaf_size: 1, ..Lbvh::default() };
         check_hard_cases(&small, 1);
     }
+    check_hard_cases(&Hlbvh::default(), Hlbvh::default().max_leaf_size);
+    check_references(&Hlbvh::default());
+    for treelet_bits in [1, 30] {
+        let single = Hlbvh { treelet_bits, bins: 2, max_leaf_size: 1, ..Hlbvh::default() };
+        check_hard_cases(&single, 1);
+    }
 }
 
 #[test]
@@ -29,9 +35,17 @@ fn settings_out_of_range_are_refused() {
         assert_eq!(refused(&Lbvh { code_bits, ..good }), "code_bits");
     }
     assert_eq!(refused(&Lbvh { max_leaf_size: 0, ..good }), "max_leaf_size");
+    for treelet_bits in [0, 31, u32::MAX] {
+        let builder = Hlbvh { treelet_bits, ..Hlbvh::default() };
+        assert_eq!(refused(&builder), "treelet_bits");
+    }
+    for bins in [0, 1, 257] {
+        assert_eq!(refused(&Hlbvh { bins, ..Hlbvh::default() }), "bins");
+    }
     for inner in [f32::NAN, f32::INFINITY, -1.0] {
         let sah = SahConstants { inner, ..SahConstants::THESIS_IV };
         assert_eq!(refused(&Lbvh { sah, ..good }), "sah");
+        assert_eq!(refused(&Hlbvh { sah, ..Hlbvh::default() }), "sah");
     }
 }
 

@@ -16,8 +16,8 @@ pub(crate) fn fill_columns(
 ) {
     let (blocks, rest) = clusters.as_chunks::<BLOCK>();
     for (i, block) in blocks.iter().enumerate() {
-        // SAFETY: a `Cluster` is 32 bytes of plain numbers at an address divisible by 32.
-        let row = |i: usize| unsafe { _mm256_load_ps(std::ptr::from_ref(&block[i]).cast()) };
+        // SAFETY: a `Cluster` is 32 bytes of plain numbers; they are read at any address.
+        let row = |i: usize| unsafe { _mm256_loadu_ps(std::ptr::from_ref(&block[i]).cast()) };
         // Two registers of four lanes: the smallest coordinates of four clusters, and the largest.
         let quad = |i: usize| {
             let low = |a, b| _mm256_unpacklo_ps(a, b);

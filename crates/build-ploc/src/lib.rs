@@ -57,6 +57,18 @@ impl Default for Ploc {
 }
 
 impl Ploc {
+    /// Radius 6: the fastest that is worth it.
+    #[must_use]
+    pub const fn fast() -> Self {
+        Self { radius: 6, max_leaf_size: 4, sah: SahConstants::THESIS_IV }
+    }
+
+    /// Radius 32: past it, cost hardly falls.
+    #[must_use]
+    pub const fn high() -> Self {
+        Self { radius: 32, ..Self::fast() }
+    }
+
     fn check(&self) -> Result<(), BuildError> {
         if !(1..=MAX_RADIUS).contains(&self.radius) {
             return Err(BuildError::BadSetting {
