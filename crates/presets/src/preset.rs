@@ -66,8 +66,18 @@ impl Preset {
             Self::Fastest => Box::new(Lbvh::default()),
             Self::Fast => Box::new(Bonsai::bonsai()),
             Self::Balanced => Box::new(Bonsai::bonsai_s()),
-            Self::High => Box::new(Optimized::new(Bonsai::bonsai_s(), reinsertion(2))),
-            Self::Best => Box::new(Optimized::new(Sbvh::sweep(), reinsertion(8))),
+            Self::High => {
+                let builder = Bonsai::bonsai_s();
+                let extra = builder.split.map_or(0.0, |split| f64::from(split.max_extra));
+                let optimized = Optimized::new(builder, reinsertion(2));
+                Box::new(optimized.with_references_per_prim(1.0 + extra))
+            }
+            Self::Best => {
+                let builder = Sbvh::sweep();
+                let references = f64::from(builder.max_references);
+                let optimized = Optimized::new(builder, reinsertion(8));
+                Box::new(optimized.with_references_per_prim(references))
+            }
         }
     }
 }
