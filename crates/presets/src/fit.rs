@@ -46,8 +46,9 @@ impl CostModel {
     /// Fits a model to measurements.
     ///
     /// Build times a triangle and times a ray are lines in log₂ n by least squares of the
-    /// *relative* error, with slopes of at least zero, so that small scenes count as much as large
-    /// ones. The ratio of a preset is the geometric mean, over scenes, of its time a ray to that
+    /// *relative* error, so that small scenes count as much as large ones. Neither base nor slope
+    /// is negative: scenes of almost one size would otherwise give steep lines, and small inputs
+    /// builds that take no time. The ratio of a preset is the geometric mean, over scenes, of its time a ray to that
     /// of [`Preset::Fastest`].
     ///
     /// # Errors
@@ -86,7 +87,7 @@ impl CostModel {
     }
 }
 
-/// The line y = base + doubling·x with the least squared relative error and no negative slope.
+/// The line y = base + doubling·x with the least squared relative error, neither of them negative.
 fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> BuildCost {
     // Minimises Σ (a/y + b·x/y − 1)².
     let (mut uu, mut uv, mut vv, mut u1, mut v1) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -99,10 +100,15 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> BuildCost {
         v1 += v;
     }
     let determinant = uu * vv - uv * uv;
-    let doubling =
+    let mut doubling =
         if determinant > 1e-12 * uu * vv { (uu * v1 - uv * u1) / determinant } else { 0.0 };
-    let doubling = doubling.max(0.0);
-    let base = (u1 - doubling * uv) / uu;
+    let mut base = (u1 - doubling * uv) / uu;
+    // The error is convex: where the least is out of bounds, the least within lies on the border.
+    if doubling < 0.0 {
+        (base, doubling) = (u1 / uu, 0.0);
+    } else if base < 0.0 {
+        (base, doubling) = (0.0, v1 / vv);
+    }
     let (mut squares, mut count) = (0.0, 0.0);
     for (x, y) in points {
         let error = (base + doubling * x) / y - 1.0;
@@ -146,6 +152,18 @@ mod tests {
         let s = &samples()[7];
         assert!((model.build_ms(s.preset, s.triangles) / s.build_ms - 1.0).abs() < 1e-9);
         assert!((model.ray_ns(s.preset, s.triangles) / s.ray_ns - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn scenes_of_almost_one_size_give_no_steep_lines() {
+        for (first, second) in [(1.0, 1.1), (1.1, 1.0)] {
+            let y = [120.0 * first, 120.0 * second];
+            let line = line([(2000_f64.log2(), y[0]), (2010_f64.log2(), y[1])].into_iter());
+            assert!(line.base >= 0.0 && line.doubling >= 0.0, "{line:?}");
+            let far = line.base + line.doubling * 2_000_000_f64.log2();
+            assert!(far < 2.0 * y[0].max(y[1]), "{line:?}");
+            assert!(line.residual < 0.06, "{line:?}");
+        }
     }
 
     #[test]
