@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what the full test suite wants on Debian (Embree, a software Vulkan driver) and runs everything:
-# all tests, the examples, a small benchmark and a small verification.
+# all tests, the examples, a small benchmark, a small sweep of builders' knobs and a small verification.
 #
 #   ci/test.sh             everything
 #   ci/test.sh --no-setup  everything, with what is already installed
@@ -41,6 +41,11 @@ done
 
 step "benchmark, small"
 cargo xtask bench --quick --scene atrium:20000 --scene hair:20000 --out out/ci-bench
+
+step "accuracy, small"
+# Two scenes of different size, so that a cost model is fitted too.
+cargo xtask accuracy --quick --scene atrium:2000 --scene hair:8000 --families lbvh,sweep,preset --out out/ci-accuracy
+test -s out/ci-accuracy/cost-model.csv
 
 step "verification, small"
 cargo xtask verify --quick --out out/ci-verify
