@@ -8,6 +8,7 @@ mod registry;
 mod report;
 mod results;
 mod scenes;
+mod thesis;
 mod verify;
 
 use clap::Parser;
@@ -17,6 +18,7 @@ fn main() -> ExitCode {
     let outcome = match cli::Cli::parse().command {
         cli::Command::Bench(args) => bench::run(&args),
         cli::Command::Report(args) => report::run(&args),
+        cli::Command::Thesis(args) => thesis::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };
     outcome.unwrap_or_else(|error| {
