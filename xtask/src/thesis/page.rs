@@ -46,11 +46,7 @@ pub(super) fn page(report: &Report) -> Result<(String, Vec<Csv>)> {
             Item::IvFigure6 => figure_6(&mut html, &mut files, report)?,
             Item::IvFigure7 => figure_7(&mut html, &mut files, report)?,
             Item::VFigure4 => figure_4(&mut html, &mut files, report)?,
-            _ => {
-                for (_, quantity) in tables::MATRICES.into_iter().filter(|(of, _)| *of == item) {
-                    matrix(&mut html, &mut files, report, item, quantity)?;
-                }
-            }
+            _ => matrices(&mut html, &mut files, report, item)?,
         }
     }
     html.push_str("<h2>All values</h2>\n<p>");
@@ -79,29 +75,42 @@ fn orderings(html: &mut String, files: &mut Vec<Csv>, report: &Report) -> Result
     Ok(())
 }
 
-fn matrix(
-    html: &mut String,
-    files: &mut Vec<Csv>,
-    report: &Report,
-    item: Item,
-    quantity: &str,
-) -> Result<()> {
-    let table = tables::matrix(item, quantity, &report.comparisons, &report.pairs);
-    let heading = tables::heading(item, quantity);
-    let _ = writeln!(html, "<h3>{}</h3>", escape(&heading));
-    if plots::measured(&report.comparisons, item, quantity).next().is_some() {
+/// The plots of an item side by side, then its tables.
+fn matrices(html: &mut String, files: &mut Vec<Csv>, report: &Report, item: Item) -> Result<()> {
+    let quantities = || tables::MATRICES.into_iter().filter(|(of, _)| *of == item).map(|(_, q)| q);
+    let table = |quantity| tables::matrix(item, quantity, &report.comparisons, &report.pairs);
+    let is_measured =
+        |quantity: &&str| plots::measured(&report.comparisons, item, quantity).next().is_some();
+    let plotted: Vec<_> = quantities().filter(is_measured).collect();
+    open_plots(html, plotted.len());
+    for quantity in &plotted {
+        let heading = tables::heading(item, quantity);
         let what = heading.split(';').next().unwrap_or_default();
         let svg = plots::agreement(&report.comparisons, item, quantity, what)?;
         let caption = "A point a scene and builder; on the dashed diagonal measured equals \
                        published. Filled: the paper's scenes. Rings: stand-ins.";
-        html.push_str("<div class=\"plots\">\n");
-        figure(html, files, &svg, caption, &table)?;
-        html.push_str("</div>\n");
-        // The table below has the same file.
-        html.push_str(&table.to_html());
-        return Ok(());
+        figure(html, files, &svg, caption, &table(quantity))?;
     }
-    add_table(html, files, &table)
+    html.push_str("</div>\n");
+    for quantity in quantities() {
+        let _ = writeln!(html, "<h3>{}</h3>", escape(&tables::heading(item, quantity)));
+        if plotted.contains(&quantity) {
+            // The plot has the same file.
+            html.push_str(&table(quantity).to_html());
+        } else {
+            add_table(html, files, &table(quantity))?;
+        }
+    }
+    Ok(())
+}
+
+/// Begins a grid of plots; a single one need not fill the page.
+fn open_plots(html: &mut String, count: usize) {
+    html.push_str(if count > 1 {
+        "<div class=\"plots\">\n"
+    } else {
+        "<div class=\"plots one\">\n"
+    });
 }
 
 fn figure_6(html: &mut String, files: &mut Vec<Csv>, report: &Report) -> Result<()> {
@@ -119,7 +128,7 @@ fn figure_6(html: &mut String, files: &mut Vec<Csv>, report: &Report) -> Result<
         (builder.to_owned(), steps.map(|s| (s.step.clone(), s.ms / whole)).collect())
     };
     let table = tables::steps(&report.comparisons, result);
-    html.push_str("<div class=\"plots\">\n");
+    open_plots(html, 1);
     let svg = plots::steps(&[bar("bonsai"), bar("bonsai_p")])?;
     figure(html, files, &svg, "The steps as measured.", &table)?;
     html.push_str("</div>\n");
@@ -132,7 +141,7 @@ fn figure_7(html: &mut String, files: &mut Vec<Csv>, report: &Report) -> Result<
         "<p>Arithmetic means of figures 5 and 8 over the scenes, relative to sweep.</p>\n",
     );
     let table = tables::averages(&report.comparisons);
-    html.push_str("<div class=\"plots\">\n");
+    open_plots(html, 3);
     for quantity in ["build", "sah", "performance"] {
         let rows: Vec<_> = report
             .comparisons
@@ -187,7 +196,7 @@ fn figure_4(html: &mut String, files: &mut Vec<Csv>, report: &Report) -> Result<
         );
     }
     let table = tables::scaling(result);
-    html.push_str("<div class=\"plots\">\n");
+    open_plots(html, 1);
     let svg = plots::scaling(result)?;
     let caption = "Dashed: twice the threads, twice as fast.";
     figure(html, files, &svg, caption, &table)?;

@@ -115,7 +115,7 @@ pub(crate) fn pairs(rows: &[PairRow], what: &str) -> Result<String> {
     draw(&format!("{what}: published and measured"), |area| {
         // Rows stand between 0.5 and their number and a half of an axis that is not drawn.
         let count = rows.len() as f64;
-        let left = 150;
+        let left = 196;
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .margin_right(16)
