@@ -22,6 +22,7 @@ use crate::{machine, report};
 use anyhow::{Context, Result, bail};
 use compare::Comparison;
 use measure::{SceneResult, Settings};
+use names::Standing;
 use niwaki_trace::Kernel;
 use orderings::{Pair, Tally};
 use plan::{Plan, Plans};
@@ -108,7 +109,12 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
 fn list(plans: &Plans, builders: &[TreeBuilder]) {
     for plan in &plans.plans {
         for (scene, standing) in &plan.stands_for {
-            println!("{:<13} {standing:<9} {}", scene.published, plan.spec.describe());
+            let how = match standing {
+                // Whether it is the same version only its triangles will tell.
+                Standing::Same | Standing::Version => "by name".to_owned(),
+                other => other.to_string(),
+            };
+            println!("{:<13} {how:<9} {}", scene.published, plan.spec.describe());
         }
     }
     let names: Vec<_> = builders.iter().map(TreeBuilder::full_name).collect();
