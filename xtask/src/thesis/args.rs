@@ -19,7 +19,8 @@ Examples:
       Small stand-ins and short measurements, for continuous integration.
 
 Output (in --out): thesis.html (open it in a browser; it needs nothing else), thesis.json, csv/*.csv
-and results.json (the rows behind it, for `cargo xtask report`).
+and results.json (the rows behind it, for `cargo xtask report`). All are written after each scene, so
+an interrupted run leaves what it had.
 
 Every cell shows the published value beside the measured one, both relative to sweep SAH of the same
 table. `·` means that the scene or builder was not measured. docs/thesis.md says what differs from

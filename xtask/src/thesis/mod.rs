@@ -92,16 +92,22 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
     };
     let settings = Settings { threads, ray_count: args.ray_count(), seed: args.seed };
     let mut failures = Failures::default();
-    let scenes = measure_all(method, settings, plans, &published, &mut failures);
-    let comparisons = compare::compare(&published, &scenes);
-    let pairs = orderings::pairs(&comparisons);
-    let failed = failures.list;
-    let report =
-        Report { schema: SCHEMA, run, scenes, comparisons, pairs, failures: failed, published };
+    let mut report = Report {
+        schema: SCHEMA,
+        run,
+        scenes: Vec::new(),
+        comparisons: Vec::new(),
+        pairs: Vec::new(),
+        failures: Vec::new(),
+        published,
+    };
+    measure_all(method, settings, &plans, &mut report, &mut failures, &args.out)?;
     print!("{}", as_text(&report));
-    write(&report, &args.out)?;
     for failure in &report.failures {
         eprintln!("failed: {}: {}", failure.scene, failure.error);
+    }
+    for (what, file) in [("results", "thesis.json"), ("report ", "thesis.html")] {
+        println!("{what} {}", args.out.join(file).display());
     }
     Ok(if failures.fatal { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
@@ -121,14 +127,16 @@ fn list(plans: &Plans, builders: &[TreeBuilder]) {
     println!("builders: {}", names.join(", "));
 }
 
-/// Measures scene after scene; what fails is noted and left out.
+/// Measures scene after scene, and writes the report after each, so that an interrupted run leaves
+/// what it had. What fails is noted and left out.
 fn measure_all(
     mut method: Method,
     settings: Settings,
-    plans: Plans,
-    published: &Published,
+    plans: &Plans,
+    report: &mut Report,
     failures: &mut Failures,
-) -> Vec<SceneResult> {
+    out: &Path,
+) -> Result<()> {
     let note = |failures: &mut Failures, scene: String, error: &anyhow::Error| {
         failures.fatal = true;
         failures.list.push(Failure { scene, error: format!("{error:#}") });
@@ -136,16 +144,19 @@ fn measure_all(
     for (scene, error) in &plans.failures {
         note(failures, scene.clone(), error);
     }
-    let mut results = Vec::new();
     for plan in &plans.plans {
-        method.binary = binary_builders(plan, published);
-        match measure::measure(&method, settings, plan, published, failures) {
-            Ok(result) => results.push(result),
+        method.binary = binary_builders(plan, &report.published);
+        match measure::measure(&method, settings, plan, &report.published, failures) {
+            Ok(result) => report.scenes.push(result),
             Err(error) => note(failures, plan.spec.describe(), &error),
         }
+        report.comparisons = compare::compare(&report.published, &report.scenes);
+        report.pairs = orderings::pairs(&report.comparisons);
+        report.failures.clone_from(&failures.list);
+        write(report, out)?;
     }
     method.progress.finish();
-    results
+    Ok(())
 }
 
 /// The builders whose binary trees are traced on a scene: those of paper V's table 2, on its scenes.
@@ -214,7 +225,7 @@ fn as_text(report: &Report) -> String {
 /// Writes `thesis.json`, `thesis.html`, `csv/*.csv` and `results.json`.
 fn write(report: &Report, out: &Path) -> Result<()> {
     let (html, files) = page::page(report)?;
-    let page = report::write_page(&html, files, out, "thesis.html")?;
+    report::write_page(&html, files, out, "thesis.html")?;
     let path = out.join("thesis.json");
     let mut json = serde_json::to_string_pretty(report)?;
     json.push('\n');
@@ -228,9 +239,7 @@ fn write(report: &Report, out: &Path) -> Result<()> {
         results.add_scene(scene.info.clone());
         results.rows.extend(scene.rows.iter().cloned());
     }
-    results.write(&out.join("results.json"))?;
-    println!("\nresults {}\nreport  {}", path.display(), page.display());
-    Ok(())
+    results.write(&out.join("results.json"))
 }
 
 #[cfg(test)]
