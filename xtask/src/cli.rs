@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::bench::Shard;
+use crate::thesis::ThesisArgs;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -22,6 +23,8 @@ pub(crate) enum Command {
     Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
+    /// Regenerate the thesis's tables of builders beside the published values.
+    Thesis(Box<ThesisArgs>),
     /// Check every builder and kernel against brute force, Embree and obvhs.
     Verify(VerifyArgs),
 }

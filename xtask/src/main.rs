@@ -9,6 +9,7 @@ mod registry;
 mod report;
 mod results;
 mod scenes;
+mod thesis;
 mod verify;
 
 use clap::Parser;
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
         cli::Command::Bench(args) => bench::run(&args),
         cli::Command::Accuracy(args) => accuracy::run(&args),
         cli::Command::Report(args) => report::run(&args),
+        cli::Command::Thesis(args) => thesis::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };
     outcome.unwrap_or_else(|error| {

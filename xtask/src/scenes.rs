@@ -185,7 +185,7 @@ fn is_scene(path: &Path) -> bool {
 }
 
 /// The file name without the extensions of scenes.
-fn stem(path: &Path) -> String {
+pub(crate) fn stem(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let plain = plain_name(path);
     let known = EXTENSIONS.iter().find_map(|extension| plain.strip_suffix(extension));

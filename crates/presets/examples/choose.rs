@@ -8,7 +8,7 @@ use niwaki_presets::{CostModel, Preset};
 use std::time::Instant;
 
 /// A wavy sheet of 2·`side`² triangles and, above it, long thin diagonal struts of two triangles
-/// each, which splitting builders take apart.
+/// each, whose boxes are mostly empty.
 fn sheet_with_struts(side: u32) -> Result<TriangleMesh, niwaki_core::MeshError> {
     let size = side as f32;
     let mut positions: Vec<Vec3> = (0..=side)

@@ -3,9 +3,8 @@
 use crate::CostModel;
 use niwaki_build_bonsai::Bonsai;
 use niwaki_build_lbvh::Lbvh;
-use niwaki_build_sbvh::Sbvh;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, TriangleMesh};
-use niwaki_optimize::{Budget, Optimized, Reinsertion};
+use niwaki_optimize::{Budget, Chain, CollapseLeaves, Insertion, Optimized, Reinsertion};
 
 /// A builder by how much quality is wanted: each builds better trees than the one before, and
 /// takes longer. Ordered from fast to good.
@@ -15,14 +14,15 @@ use niwaki_optimize::{Budget, Optimized, Reinsertion};
 pub enum Preset {
     /// Morton order ([`Lbvh`]): for a few rays a triangle, or a tree a frame.
     Fastest,
-    /// [`Bonsai::bonsai`]: mini trees without pruning.
+    /// [`Bonsai::bonsai_p`]: mini trees with pruning.
     Fast,
-    /// [`Bonsai::bonsai_s`]: mini trees over split triangles, with pruning.
+    /// [`Bonsai::bonsai_p`] and one round of [`Reinsertion`] of the subtrees that matter most.
     Balanced,
-    /// [`Bonsai::bonsai_s`] improved by a few rounds of [`Reinsertion`].
+    /// [`Bonsai::bonsai_p`] with one triangle a leaf, eight rounds of [`Reinsertion`], and leaves
+    /// where they cost least ([`CollapseLeaves`]).
     High,
-    /// The split BVH with full sweeps ([`Sbvh::sweep`]), improved by [`Reinsertion`]: for trees
-    /// that are kept.
+    /// As [`Preset::High`] with [`Insertion`] first, which finds what single moves do not, and
+    /// twice the rounds: for trees that are kept.
     Best,
 }
 
@@ -62,22 +62,23 @@ impl Preset {
             budget: Budget::iterations(iterations),
             ..Reinsertion::default()
         };
+        let single_leaves = Bonsai { max_leaf_size: 1, ..Bonsai::bonsai_p() };
         match self {
             Self::Fastest => Box::new(Lbvh::default()),
-            Self::Fast => Box::new(Bonsai::bonsai()),
-            Self::Balanced => Box::new(Bonsai::bonsai_s()),
-            Self::High => {
-                let builder = Bonsai::bonsai_s();
-                let extra = builder.split.map_or(0.0, |split| f64::from(split.max_extra));
-                let optimized = Optimized::new(builder, reinsertion(2));
-                Box::new(optimized.with_references_per_prim(1.0 + extra))
-            }
-            Self::Best => {
-                let builder = Sbvh::sweep();
-                let references = f64::from(builder.max_references);
-                let optimized = Optimized::new(builder, reinsertion(8));
-                Box::new(optimized.with_references_per_prim(references))
-            }
+            Self::Fast => Box::new(Bonsai::bonsai_p()),
+            Self::Balanced => Box::new(Optimized::new(Bonsai::bonsai_p(), reinsertion(1))),
+            Self::High => Box::new(Optimized::new(
+                single_leaves,
+                Chain::new(vec![Box::new(reinsertion(8)), Box::<CollapseLeaves>::default()]),
+            )),
+            Self::Best => Box::new(Optimized::new(
+                single_leaves,
+                Chain::new(vec![
+                    Box::<Insertion>::default(),
+                    Box::new(reinsertion(16)),
+                    Box::<CollapseLeaves>::default(),
+                ]),
+            )),
         }
     }
 }

@@ -11,7 +11,7 @@ use niwaki_build_ploc::Ploc;
 use niwaki_build_sbvh::Sbvh;
 use niwaki_build_sweep::Sweep;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, TriangleMesh};
-use niwaki_optimize::{Budget, Optimized, Reinsertion, Treelets};
+use niwaki_optimize::{Budget, Chain, CollapseLeaves, Optimized, Reinsertion, Treelets};
 use niwaki_peers::{ObvhsPreset, Quality};
 use niwaki_presets::Preset;
 use niwaki_split::{KarrasAila, PreSplit, SplitPartition};
@@ -45,6 +45,18 @@ impl Builder for Named {
     fn memory_bound(&self, count: usize) -> usize {
         self.builder.memory_bound(count)
     }
+}
+
+/// A builder followed by rounds of reinsertion, and leaves where they cost least.
+fn reinserted(builder: impl Builder + Send + 'static, iterations: u32) -> Box<dyn Builder + Send> {
+    let pass = Reinsertion { budget: Budget::iterations(iterations), ..Reinsertion::default() };
+    let passes = Chain::new(vec![Box::new(pass), Box::<CollapseLeaves>::default()]);
+    Box::new(Optimized::new(builder, passes))
+}
+
+/// Bonsai with one primitive a leaf.
+fn single(bonsai: Bonsai) -> Bonsai {
+    Bonsai { max_leaf_size: 1, ..bonsai }
 }
 
 /// All variants in the order of tables; with `quick` only the ends of long sweeps.
@@ -119,9 +131,25 @@ fn all(quick: bool) -> Vec<Variant> {
     }
     add("sbvh", "sbvh_sweep".into(), Box::new(Sbvh::sweep()));
     for iterations in some(&[1, 2, 4, 8, 16], quick) {
-        let pass = Reinsertion { budget: Budget::iterations(iterations), ..Reinsertion::default() };
-        let builder = Optimized::new(Bonsai::bonsai_p(), pass);
-        add("reinsertion", format!("bonsai_p+reinsertion {iterations}"), Box::new(builder));
+        let name = format!("bonsai_p+reinsert {iterations}");
+        add("reinsertion", name, reinserted(Bonsai::bonsai_p(), iterations));
+    }
+    for iterations in some(&[1, 2, 4, 8, 16], quick) {
+        // One primitive a leaf while nodes move, and leaves where they pay at the end.
+        let name = format!("bonsai_p/1+reinsert {iterations}");
+        add("reinsertion single", name, reinserted(single(Bonsai::bonsai_p()), iterations));
+    }
+    for iterations in some(&[2, 8], quick) {
+        let name = format!("bonsai_s/1+reinsert {iterations}");
+        add("reinsertion split", name, reinserted(single(Bonsai::bonsai_s()), iterations));
+        for max_extra in some(&[0.02, 0.1], quick) {
+            let pre = PreSplit::new(single(Bonsai::bonsai_p()), KarrasAila { max_extra });
+            let name = format!("ka {max_extra}+bonsai_p/1+reinsert {iterations}");
+            add("reinsertion split", name, reinserted(pre, iterations));
+        }
+        let sbvh = Sbvh { max_leaf_size: 1, ..Sbvh::default() };
+        let name = format!("sbvh/1+reinsert {iterations}");
+        add("reinsertion split", name, reinserted(sbvh, iterations));
     }
     let treelets = Optimized::new(Bonsai::bonsai_p(), Treelets::default());
     add("treelets", "bonsai_p+treelets".into(), Box::new(treelets));

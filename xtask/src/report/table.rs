@@ -126,8 +126,9 @@ impl Table {
             as usize
     }
 
+    /// A column of fixed decimals is for numbers, even where none was measured.
     fn is_numeric(&self, column: usize) -> bool {
-        self.numbers(column).next().is_some()
+        self.columns[column].digits.is_some() || self.numbers(column).next().is_some()
     }
 
     fn best_of(&self, column: usize) -> Option<f64> {
