@@ -80,7 +80,7 @@ pub(crate) struct Scaling {
 
 /// Builders whose steps can be timed one by one.
 fn timed() -> Vec<Bonsai> {
-    vec![Bonsai::bonsai(), Bonsai::bonsai_p(), Bonsai::bonsai_p_star()]
+    vec![Bonsai::bonsai(), Bonsai::bonsai_p(), Bonsai::bonsai_p_star(), Bonsai::bonsai_s()]
 }
 
 /// Builders of our own that figure 4 of paper V shows beside the published two.
