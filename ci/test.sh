@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what the full test suite wants on Debian (Embree, a software Vulkan driver) and runs everything:
-# all tests, the examples, a small benchmark, a small sweep of builders' knobs and a small verification.
+# all tests, the examples, and every command of cargo xtask on small scenes.
 #
 #   ci/test.sh             everything
 #   ci/test.sh --no-setup  everything, with what is already installed
@@ -46,6 +46,12 @@ step "accuracy, small"
 # Two scenes of different size, so that a cost model is fitted too.
 cargo xtask accuracy --quick --scene atrium:2000 --scene hair:8000 --families lbvh,sweep,preset --out out/ci-accuracy
 test -s out/ci-accuracy/cost-model.csv
+
+step "tables of the thesis, small"
+cargo xtask thesis --quick --out out/ci-thesis
+
+step "report, merged"
+cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report
 
 step "verification, small"
 cargo xtask verify --quick --out out/ci-verify
