@@ -19,7 +19,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Compare builders: how fast they build, how good their trees are, how fast rays go.
     Bench(Box<BenchArgs>),
-    /// Show what quality costs in time: every knob of every builder swept.
+    /// Show what quality costs in time: the main knobs of every builder swept.
     Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
@@ -154,7 +154,7 @@ Pictures are read from where the results files say, so keep the folders as the b
 const ACCURACY_EXAMPLES: &str = "\
 Examples:
   cargo xtask accuracy
-      Every knob of every builder on three procedural scenes, all cores; about ten minutes on two.
+      The main knobs of every builder on three procedural scenes, all cores; about ten minutes on two.
   cargo xtask accuracy --scene model.glb --families bonsai,sbvh,preset
       Your own scene; some families of builders.
   cargo xtask accuracy --scenes models --families preset

@@ -147,6 +147,9 @@ impl CostModel {
                 *number = field.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(bad)?;
             }
             let [base, doubling, residual] = numbers;
+            if kind == "ratio" && base <= 0.0 {
+                return Err(bad());
+            }
             match kind {
                 "build" => builds[preset] = Some(BuildCost { base, doubling, residual }),
                 "ray" => ray = Some(BuildCost { base, doubling, residual }),

@@ -6,6 +6,9 @@ use crate::results::{Failure, Run};
 use niwaki_presets::{CostModel, FitError, Preset, Sample};
 use serde::Serialize;
 
+/// Names the table of the cost model; the model itself is `cost-model.csv`.
+pub(crate) const MODEL_TABLE: &str = "cost-model-terms";
+
 /// A tree of one builder with one setting on one scene.
 #[derive(Clone, Debug, Serialize, PartialEq)]
 pub(crate) struct Point {
@@ -191,7 +194,7 @@ impl Study {
     }
 
     pub(crate) fn model_table(&self, model: &CostModel) -> Table {
-        let mut table = Table::new("cost-model")
+        let mut table = Table::new(MODEL_TABLE)
             .column("preset", Best::Neither)
             .column_with_digits("build: ns/triangle\n+ per doubling", Best::Low, 2)
             .column_with_digits("· log₂ n", Best::Low, 2)

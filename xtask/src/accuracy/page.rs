@@ -1,14 +1,15 @@
 //! The report: plots of all points, and the tables.
 
-use super::analysis::{Point, Study};
+use super::analysis::{MODEL_TABLE, Point, Study};
 use crate::report::axis::LogAxis;
 use crate::report::canvas::{Area, FAINT, INK, SIZE, chart, draw, failed, text};
 use crate::report::page::{FOOT, add_table, failures, figure, head, run_header};
 use crate::report::table::{Best, Table, escape};
-use crate::report::{ray_counts, write_page};
+use crate::report::{Frame, place_labels, ray_counts, write_page};
 use anyhow::Result;
 use niwaki_presets::{CostModel, Preset};
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -43,6 +44,7 @@ pub(crate) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
         let _ = writeln!(html, "<h2>{}</h2>", escape(title));
         if let Some(scene) = study.scenes().find(|scene| *scene == title) {
             let points: Vec<&Point> = study.of_scene(scene).collect();
+            html.push_str("<div class=\"plots\">\n");
             let svg = scatter(&points)?;
             figure(&mut html, &mut files, &svg, "Build time against time per ray.", table)?;
             for (metric, value) in METRICS {
@@ -50,30 +52,29 @@ pub(crate) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
                 let caption = format!("{metric} against time per ray.");
                 figure(&mut html, &mut files, &svg, &caption, table)?;
             }
+            html.push_str("</div>\n");
         }
-        if table_name_is_model(table)
+        if table.name == MODEL_TABLE
             && let Some(Ok(model)) = &study.model
         {
             html.push_str(
                 "<p>Lines in log₂ n, by least squares of the relative error, of the build time a \
                  triangle and the time a ray; see <code>CostModel::fit</code>.</p>\n",
             );
+            html.push_str("<div class=\"plots\">\n");
             let (svg, data) = fit_plot(study, model)?;
             let caption = "Build times a triangle: measured (points) and fitted (lines).";
             figure(&mut html, &mut files, &svg, caption, &data)?;
             let (svg, data) = choice_plot(model)?;
             let caption = "Which preset has the least build + trace time, by triangles and rays.";
             figure(&mut html, &mut files, &svg, caption, &data)?;
+            html.push_str("</div>\n");
         }
         add_table(&mut html, &mut files, table)?;
     }
     failures(&mut html, &study.failures);
     html.push_str(FOOT);
     write_page(&html, files, out, "accuracy.html")
-}
-
-fn table_name_is_model(table: &Table) -> bool {
-    table.name == "cost-model"
 }
 
 /// A metric of a tree.
@@ -144,13 +145,24 @@ fn plot(
             let line = DashedLineSeries::new(front, 4, 4, FAINT.stroke_width(1));
             chart.draw_series(line).map_err(failed)?;
         }
+        let mut ringed = Vec::new();
         for (point, x, y) in points {
             let at = chart.backend_coord(&(*x, *y));
             let family = families.iter().position(|f| *f == point.family).unwrap_or_default();
             marker(area, at, family, 3)?;
             if with_front && point.on_front {
                 area.draw(&Circle::new(at, 6, INK.stroke_width(1))).map_err(failed)?;
+                ringed.push(((f64::from(at.0), f64::from(at.1)), point.label.clone()));
             }
+        }
+        let (ringed, names): (Vec<_>, Vec<_>) = ringed.into_iter().unzip();
+        let page =
+            Frame { x: (72.0, f64::from(SIZE.0 - LEGEND)), y: (6.0, f64::from(SIZE.1) - 56.0) };
+        for ((x, y), name) in place_labels(&ringed, &names, 11.0, page).into_iter().zip(names) {
+            let style = text(11.0, INK).pos(Pos::new(HPos::Center, VPos::Center));
+            #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+            let at = (x as i32, y as i32);
+            area.draw(&Text::new(name, at, style)).map_err(failed)?;
         }
         legend(area, &families)
     })

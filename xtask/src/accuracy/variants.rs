@@ -101,12 +101,13 @@ fn all(quick: bool) -> Vec<Variant> {
     add("pruning", "bonsai_p_star".into(), Box::new(Bonsai::bonsai_p_star()));
     let split = Bonsai::bonsai_s();
     let default = split.split.unwrap_or_default();
-    for reference_cost in some(&[1.0, 1.25, 1.5, 2.0, 4.0], quick) {
+    // 0 is the paper's rule.
+    for reference_cost in some(&[0.0, 1.0, 1.25, 1.5, 2.0, 4.0], quick) {
         let partition = SplitPartition { reference_cost, ..default };
         let builder = Bonsai { split: Some(partition), ..split };
         add("bonsai_s", format!("bonsai_s cost={reference_cost}"), Box::new(builder));
     }
-    for max_extra in some(&[0.05, 0.1, 0.2, 0.5], quick) {
+    for max_extra in some(&[0.05, 0.1, 0.2, 0.5, 1.0], quick) {
         let partition = SplitPartition { max_extra, ..default };
         let builder = Bonsai { split: Some(partition), ..split };
         add("bonsai_s budget", format!("bonsai_s extra={max_extra}"), Box::new(builder));

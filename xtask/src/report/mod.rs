@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 pub(crate) use model::{geometric_mean, groups};
-pub(crate) use plots::ray_counts;
+pub(crate) use plots::{Frame, place_labels, ray_counts};
 pub(crate) use tables::{slug, summary_as_text};
 
 /// Runs the command.

@@ -12,9 +12,9 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A rectangle in pixels.
 #[derive(Clone, Copy, Debug)]
-struct Frame {
-    x: (f64, f64),
-    y: (f64, f64),
+pub(crate) struct Frame {
+    pub(crate) x: (f64, f64),
+    pub(crate) y: (f64, f64),
 }
 
 impl Frame {
@@ -35,7 +35,7 @@ impl Frame {
 
 /// Finds a place for each label near its point where it covers neither points nor labels.
 /// Returns the middle of each.
-fn place_labels(
+pub(crate) fn place_labels(
     points: &[(f64, f64)],
     labels: &[String],
     size: f64,
