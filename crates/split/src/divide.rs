@@ -10,6 +10,7 @@
 
 use crate::sets::{Plane, Set, Sides, cost};
 use crate::shared;
+use crate::spread::spread;
 use niwaki_core::{Aabb, Clip, PrimRef, layout, to_u32};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -47,12 +48,21 @@ impl Rule {
 
 /// A set that may have to be divided.
 pub(crate) struct Task<'a> {
-    /// The references, then room for more.
+    /// The references and room for more, which is behind them or, if `at_end`, before them.
     pub(crate) region: &'a mut [PrimRef],
     pub(crate) len: usize,
+    pub(crate) at_end: bool,
     /// Index of the region in the whole array.
     pub(crate) first: usize,
     pub(crate) centroids: Aabb,
+}
+
+impl Task<'_> {
+    /// Where the references are in the region.
+    const fn range(&self) -> Range<usize> {
+        let start = if self.at_end { self.region.len() - self.len } else { 0 };
+        start..start + self.len
+    }
 }
 
 /// The halves of a reference; the box of a half with nothing in it is empty.
@@ -86,7 +96,8 @@ pub(crate) fn run<C: Clip + ?Sized>(
     if whole.count == 0 {
         return Vec::new();
     }
-    let root = Task { region, len: whole.count, first: 0, centroids: whole.centroids() };
+    let len = whole.count;
+    let root = Task { region, len, at_end: false, first: 0, centroids: whole.centroids() };
     let (mut large, mut small) = (vec![root], Vec::new());
     while let Some(task) = large.pop() {
         if task.len > SHARED_FROM && task.len > rule.group_size {
@@ -106,7 +117,14 @@ pub(crate) fn run<C: Clip + ?Sized>(
                 if task.len > rule.group_size {
                     return Some(step(task, rule, clip, scratch));
                 }
-                let group = to_u32(task.first)..to_u32(task.first + task.len);
+                let range = task.range();
+                if task.at_end {
+                    // Spreading to the end reverses the order; which of equal primitives comes
+                    // first is to depend on the input alone.
+                    task.region[range.clone()].reverse();
+                }
+                let Range { start, end } = range;
+                let group = to_u32(task.first + start)..to_u32(task.first + end);
                 groups.lock().expect("no holder of the lock can panic").push(group);
                 None
             },
@@ -124,34 +142,60 @@ fn step<'a, C: Clip + ?Sized>(
     clip: &C,
     scratch: &mut Scratch,
 ) -> [Task<'a>; 2] {
-    let Task { region, mut len, first, centroids } = task;
+    let range = task.range();
+    let Task { region, mut len, at_end, first, centroids } = task;
     let Some(plane) = Plane::middle(&centroids) else {
+        region.copy_within(range, 0);
         return share(region, len, first, len / 2, [centroids; 2], copy);
     };
     let Scratch { overlapping, halves } = scratch;
     overlapping.clear();
-    let sides = Sides::measure(&region[..len], plane, overlapping);
+    let sides = Sides::measure(&region[range.clone()], plane, overlapping);
     let mut chosen = sides.unsplit();
-    if may_split(&sides, rule, len, region.len()) {
+    if may_split(&sides, plane, rule, len, region.len()) {
         halves.clear();
-        let sets = clip_all(region, overlapping, plane, clip, halves);
+        let sets = clip_all(&region[range.clone()], overlapping, plane, clip, halves);
         let split = sides.split(&sets);
         if rule.prefers(&split, &chosen) {
             chosen = split;
-            let (prims, room) = region.split_at_mut(len);
-            len += replace(prims, room, overlapping, halves);
+            let added = chosen[0].count + chosen[1].count - len;
+            let (prims, room) = if at_end {
+                let (room, prims) = region.split_at_mut(range.start);
+                (prims, &mut room[range.start - added..])
+            } else {
+                region.split_at_mut(len)
+            };
+            replace(prims, room, overlapping, halves);
+            len += added;
         }
     }
+    let mut counts = chosen.map(|set| set.count);
+    let mut centroids = chosen.map(|set| set.centroids());
+    if let Some(flip) = spread(region, counts, at_end, plane) {
+        if flip {
+            counts.reverse();
+            centroids.reverse();
+        }
+        return share_spread(region, first, counts, centroids);
+    }
+    let start = if at_end { region.len() - len } else { 0 };
+    region.copy_within(start..start + len, 0);
     let left = partition(&mut region[..len], plane);
-    share(region, len, first, left, chosen.map(|set| set.centroids()), copy)
+    share(region, len, first, left, centroids, copy)
 }
 
 /// True if there is something to split, room for it, and a gain that is possible.
-pub(crate) fn may_split(sides: &Sides, rule: &Rule, len: usize, capacity: usize) -> bool {
+pub(crate) fn may_split(
+    sides: &Sides,
+    plane: Plane,
+    rule: &Rule,
+    len: usize,
+    capacity: usize,
+) -> bool {
     let added = sides.overlapping();
     added > 0
         && added <= capacity - len
-        && rule.pays(sides.least_split_cost(), cost(&sides.unsplit()), added, len)
+        && rule.pays(sides.least_split_cost(plane), cost(&sides.unsplit()), added, len)
 }
 
 /// Fills an empty list with the halves of the references at the given indices and returns S of both
@@ -233,6 +277,34 @@ fn copy(from: &[PrimRef], to: &mut [PrimRef]) {
     to.copy_from_slice(from);
 }
 
+/// How many of `free` places go to the left side of a set of `len` references.
+#[expect(clippy::cast_possible_truncation, reason = "at most `free`")]
+const fn free_left(free: usize, left: usize, len: usize) -> usize {
+    (free as u64 * left as u64 / len as u64) as usize
+}
+
+/// Gives each side its share of the free room, which is between them.
+fn share_spread(
+    region: &mut [PrimRef],
+    first: usize,
+    [left, right]: [usize; 2],
+    [centroids_left, centroids_right]: [Aabb; 2],
+) -> [Task<'_>; 2] {
+    let len = left + right;
+    let border = left + free_left(region.len() - len, left, len);
+    let (a, b) = region.split_at_mut(border);
+    [
+        Task { region: a, len: left, at_end: false, first, centroids: centroids_left },
+        Task {
+            region: b,
+            len: right,
+            at_end: true,
+            first: first + border,
+            centroids: centroids_right,
+        },
+    ]
+}
+
 /// Gives each side its share of the free room; `copy` moves references.
 pub(crate) fn share(
     region: &mut [PrimRef],
@@ -242,9 +314,7 @@ pub(crate) fn share(
     centroids: [Aabb; 2],
     copy: impl FnOnce(&[PrimRef], &mut [PrimRef]),
 ) -> [Task<'_>; 2] {
-    let free = region.len() - len;
-    #[expect(clippy::cast_possible_truncation, reason = "at most `free`")]
-    let free_left = (free as u64 * left as u64 / len as u64) as usize;
+    let free_left = free_left(region.len() - len, left, len);
     // Order does not matter: the first of the right side become its last.
     let right = len - left;
     let moved = free_left.min(right);
@@ -253,7 +323,13 @@ pub(crate) fn share(
     let (a, b) = region.split_at_mut(left + free_left);
     let [centroids_left, centroids_right] = centroids;
     [
-        Task { region: a, len: left, first, centroids: centroids_left },
-        Task { region: b, len: right, first: first + left + free_left, centroids: centroids_right },
+        Task { region: a, len: left, at_end: false, first, centroids: centroids_left },
+        Task {
+            region: b,
+            len: right,
+            at_end: false,
+            first: first + left + free_left,
+            centroids: centroids_right,
+        },
     ]
 }

@@ -35,6 +35,8 @@
 //! All of them have a bound on the references that they add, and give the same bytes on any number
 //! of threads. There are no feature flags.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod divide;
 mod early;
 mod edge_volume;
@@ -44,6 +46,7 @@ mod pieces;
 mod pre_split;
 mod sets;
 mod shared;
+mod spread;
 mod unite;
 
 pub use early::EarlySplit;

@@ -3,6 +3,7 @@
 use crate::divide::{self, Rule};
 use crate::sets::Set;
 use niwaki_core::builder::MAX_PRIMS;
+use niwaki_core::memory::zeroed_in_large_pages;
 use niwaki_core::{Aabb, BoxClip, BuildError, Clip, PrimRef, TriangleMesh, scene_bounds, to_u32};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -158,8 +159,7 @@ impl SplitPartition {
         if count > MAX_PRIMS {
             return Err(BuildError::TooManyPrimitives { count, max: MAX_PRIMS });
         }
-        // Room that is not used is never touched, so that the system need not back it with memory.
-        let mut prims: Vec<PrimRef> = bytemuck::zeroed_vec(self.max_references(count));
+        let mut prims: Vec<PrimRef> = zeroed_in_large_pages(self.max_references(count));
         let parts: Vec<Set> = prims[..count]
             .par_chunks_mut(CHUNK)
             .enumerate()

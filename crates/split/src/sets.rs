@@ -25,6 +25,12 @@ impl Set {
         centroid_max: Vec4::NEG_INFINITY,
     };
 
+    /// A set of so many references with the corners of its box and of its centroid bounds.
+    pub(crate) const fn new(count: usize, [min, max]: [Vec4; 2], centroids: [Vec4; 2]) -> Self {
+        let [centroid_min, centroid_max] = centroids;
+        Self { count, min, max, centroid_min, centroid_max }
+    }
+
     #[inline]
     pub(crate) fn add(&mut self, prim: &PrimRef) {
         const XYZ: BVec4A = BVec4A::new(true, true, true, false);
@@ -122,6 +128,16 @@ impl Sides {
 
     /// The sets of some references; appends the indices of those that overlap.
     pub(crate) fn measure(prims: &[PrimRef], plane: Plane, overlapping: &mut Vec<u32>) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the machine has AVX2, and a tree has fewer than 2³² references.
+            return unsafe { crate::avx2::measure(prims, plane, overlapping) };
+        }
+        Self::measure_scalar(prims, plane, overlapping)
+    }
+
+    /// [`Sides::measure`] in portable code.
+    fn measure_scalar(prims: &[PrimRef], plane: Plane, overlapping: &mut Vec<u32>) -> Self {
         // Two of each, used in turn, because each sum depends on itself before.
         let mut sets = [Set::EMPTY; 8];
         for (prim, index) in prims.iter().zip(0_u32..) {
@@ -159,14 +175,62 @@ impl Sides {
         [0, 1].map(|side| self.disjoint[side].union(halves[side]))
     }
 
-    /// A cost that C_S is not below, known before anything is clipped: halves take room.
-    pub(crate) fn least_split_cost(&self) -> f64 {
-        let halves = Set { count: self.overlapping(), ..Set::EMPTY };
-        cost(&self.split(&[halves; 2]))
+    /// A cost that C_S is not below, known before anything is clipped: halves take room, from
+    /// where their references begin or end to the plane.
+    pub(crate) fn least_split_cost(&self, plane: Plane) -> f64 {
+        let across = self.overlap[0].union(self.overlap[1]);
+        let [mut left, mut right] = [Set { count: across.count, ..Set::EMPTY }; 2];
+        left.min[plane.axis] = across.min[plane.axis];
+        left.max[plane.axis] = plane.position;
+        right.min[plane.axis] = plane.position;
+        right.max[plane.axis] = across.max[plane.axis];
+        cost(&self.split(&[left, right]))
     }
 }
 
 /// C_O or C_S.
 pub(crate) fn cost(sides: &[Set; 2]) -> f64 {
     sides[0].cost() + sides[1].cost()
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use niwaki_core::glam::Vec3;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn all_kernels_measure_the_same(
+            boxes in prop::collection::vec(prop::array::uniform6(-9_i8..9), 0..700),
+            axis in 0_usize..3,
+            position in -9_i8..9,
+        ) {
+            if !std::arch::is_x86_feature_detected!("avx2") {
+                return Ok(());
+            }
+            let prims: Vec<PrimRef> = boxes
+                .iter()
+                .zip(0..)
+                .map(|(corners, index)| {
+                    let [a, b, c, d, e, f] = corners.map(f32::from);
+                    let (p, q) = (Vec3::new(a, b, c), Vec3::new(d, e, f));
+                    let ids = PrimRef::new(Aabb::new(p.min(q), p.max(q)), index);
+                    PrimRef { geom_id: u32::MAX - index, ..ids }
+                })
+                .collect();
+            let plane = Plane { axis, position: f32::from(position) * 0.5 };
+            let (mut expected_across, mut across) = (vec![7], vec![7]);
+            let expected = Sides::measure_scalar(&prims, plane, &mut expected_across);
+            // SAFETY: the machine has AVX2, and the axis exists.
+            let sides = unsafe { crate::avx2::measure(&prims, plane, &mut across) };
+            prop_assert_eq!(across, expected_across);
+            let facts = |sides: &Sides| {
+                [sides.disjoint, sides.overlap].map(|sets| {
+                    sets.map(|set| (set.count, set.bounds(), set.centroids()))
+                })
+            };
+            prop_assert_eq!(facts(&sides), facts(&expected));
+        }
+    }
 }

@@ -12,7 +12,8 @@ const CHUNK: usize = 1 << 14;
 
 /// As the step of one thread.
 pub(crate) fn step<'a, C: Clip + ?Sized>(task: Task<'a>, rule: &Rule, clip: &C) -> [Task<'a>; 2] {
-    let Task { region, mut len, first, centroids } = task;
+    // Only small sets have their references at the end.
+    let Task { region, mut len, first, centroids, .. } = task;
     let Some(plane) = Plane::middle(&centroids) else {
         return share(region, len, first, len / 2, [centroids; 2], copy);
     };
@@ -26,7 +27,7 @@ pub(crate) fn step<'a, C: Clip + ?Sized>(task: Task<'a>, rule: &Rule, clip: &C) 
         .collect();
     let sides = chunks.iter().fold(Sides::EMPTY, |sum, (sides, _)| sum.union(sides));
     let mut chosen = sides.unsplit();
-    if may_split(&sides, rule, len, region.len()) {
+    if may_split(&sides, plane, rule, len, region.len()) {
         let clipped: Vec<([Set; 2], Vec<Halves>)> = region[..len]
             .par_chunks(CHUNK)
             .zip(&chunks)
