@@ -37,6 +37,13 @@ fn directions(normal: DVec3) -> impl Iterator<Item = Vec3> {
     })
 }
 
+/// Height over longest edge.
+fn thinness(t: &Triangle) -> f64 {
+    let [a, b, c] = t.vertices().map(|p| p.as_dvec3());
+    let longest = [a - b, b - c, c - a].map(DVec3::length).into_iter().fold(0.0, f64::max);
+    2.0 * t.area() / (longest * longest)
+}
+
 /// Rays from both sides of a point of the triangle that meet it again, by any kernel.
 fn false_hits(t: Triangle, u: f64, v: f64) -> Vec<(Ray, &'static str)> {
     let [a, b, c] = t.vertices().map(|p| p.as_dvec3());
@@ -71,14 +78,17 @@ fn false_hits(t: Triangle, u: f64, v: f64) -> Vec<(Ray, &'static str)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 300, max_global_rejects: 100_000, ..ProptestConfig::default() })]
 
     #[test]
     fn no_ray_returns_to_its_triangle(
         a in corner(), b in corner(), c in corner(), u in 0.0_f64..1.0, v in 0.0_f64..1.0,
     ) {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-        let found = false_hits(Triangle::new(a, b, c), u, v);
+        let triangle = Triangle::new(a, b, c);
+        // Of a thinner one, kernels that compute in `f32` do not know which way it faces.
+        prop_assume!(thinness(&triangle) > 1e-6);
+        let found = false_hits(triangle, u, v);
         prop_assert!(found.is_empty(), "{} false hits, {:?}", found.len(), found[0]);
     }
 
