@@ -6,13 +6,14 @@
 //! use niwaki_build_sbvh::Sbvh;
 //! use niwaki_core::{Builder, TriangleMesh, glam::Vec3};
 //!
-//! // Two long diagonals that cross: no object split tells them apart.
-//! let corner = |x: f32, y: f32| Vec3::new(x, y, 0.0);
-//! let mesh = TriangleMesh::new(
-//!     vec![corner(0.0, 0.0), corner(9.0, 9.0), corner(9.0, 8.9), corner(0.0, 9.0), corner(9.0, 0.0)],
-//!     vec![[0, 1, 2], [3, 4, 4]],
-//! )?;
-//! let sbvh = Sbvh { max_leaf_size: 1, max_references: 4.0, ..Sbvh::default() };
+//! // Thin triangles side by side, diagonal to all axes: no object split keeps their boxes apart.
+//! let corners = (0..100).flat_map(|i| {
+//!     let from = Vec3::X * (i as f32 * 0.05);
+//!     [from, from + Vec3::ONE, from + Vec3::ONE * 0.5 + Vec3::X * 0.002]
+//! });
+//! let indices = (0..100).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+//! let mesh = TriangleMesh::new(corners.collect(), indices)?;
+//! let sbvh = Sbvh { max_references: 4.0, ..Sbvh::default() };
 //! let bvh = sbvh.build_mesh(&mesh)?;
 //! assert!(bvh.prim_ids.len() > mesh.len(), "triangles are referenced from several leaves");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
