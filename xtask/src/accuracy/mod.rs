@@ -13,6 +13,7 @@ use crate::results::{Failure, Results, Row, Run, SceneInfo, Source, finite};
 use crate::scenes::{SceneSpec, drop_repeated, make_names_unique};
 use analysis::{Point, Study};
 use anyhow::{Context, Result, bail};
+use niwaki_core::Builder;
 use niwaki_metrics::lcv;
 use niwaki_scene::Scene;
 use niwaki_trace::Kernel;
@@ -118,8 +119,7 @@ fn measure(
     }
     let count = if args.quick { 20_000 } else { 200_000 };
     let sets = method.all_cores.install(|| {
-        use niwaki_core::Builder as _;
-        let tree = niwaki_build_bonsai::Bonsai::bonsai_p_star().build_mesh(&scene.mesh)?;
+        let tree = rays::recorder().build_mesh(&scene.mesh)?;
         let wide = niwaki_trace::WideScene::new(&tree, &scene.mesh)?;
         anyhow::Ok(rays::record(scene, &wide, &RAY_SETS.map(str::to_owned), count, args.seed))
     })?;

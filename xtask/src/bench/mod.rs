@@ -18,6 +18,7 @@ use crate::{machine, report};
 use anyhow::{Context, Error, Result, bail};
 use builds::Judgement;
 use matrix::{ScenePlan, plan};
+use niwaki_core::Builder;
 use niwaki_peers::{Embree, EmbreeSettings};
 use niwaki_scene::Scene;
 use niwaki_trace::{Kernel, WideScene};
@@ -332,7 +333,7 @@ fn measure_scene(
     Ok(())
 }
 
-/// Records the rays, and makes the pictures, with the tree of our best builder.
+/// Records the rays, and makes the pictures.
 fn prepare(
     setup: &Setup,
     spec: &SceneSpec,
@@ -349,8 +350,7 @@ fn prepare(
         picture: None,
         heat_map: None,
     };
-    let ours = registry::ours();
-    let builder = ours.last().context("there is no builder")?;
+    let builder = rays::recorder();
     setup.method.all_cores.install(|| {
         setup.method.progress.message(&format!("{}: record rays", scene.name));
         let wide = WideScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;

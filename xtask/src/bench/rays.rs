@@ -1,5 +1,6 @@
 //! Recording the ray sets that all trees answer.
 
+use niwaki_build_bonsai::Bonsai;
 use niwaki_core::{Intersector, Ray};
 use niwaki_render::{RayKind, RecordSettings, record_rays};
 use niwaki_scene::Scene;
@@ -11,6 +12,12 @@ pub(crate) struct RaySet {
     /// Whether anything is hit, instead of what is hit first.
     pub(crate) any_hit: bool,
     pub(crate) rays: Vec<Ray>,
+}
+
+/// Builds the tree through which rays are recorded and pictures are made: a good one that takes
+/// no longer than what is measured.
+pub(crate) fn recorder() -> Bonsai {
+    Bonsai::bonsai_p_star()
 }
 
 /// Scattering events that are followed.

@@ -9,7 +9,7 @@ use crate::bench::traces::BINARY;
 use crate::bench::{Failures, Group, Method, builds, pool, rays, traces};
 use crate::registry;
 use crate::results::{Row, SceneInfo, Source, TraceRow, finite};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use niwaki_build_bonsai::Bonsai;
 use niwaki_core::{Builder, SahConstants};
 use niwaki_metrics::sah;
@@ -179,9 +179,7 @@ pub(crate) fn measure(
 }
 
 fn record(scene: &Scene, settings: Settings) -> Result<Vec<RaySet>> {
-    let ours = registry::ours();
-    let builder = ours.last().context("there is no builder")?;
-    let wide = WideScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
+    let wide = WideScene::new(&rays::recorder().build_mesh(&scene.mesh)?, &scene.mesh)?;
     let names = RAY_SETS.map(|(name, _)| name.to_owned());
     Ok(rays::record(scene, &wide, &names, settings.ray_count, settings.seed))
 }
