@@ -66,11 +66,38 @@ impl SceneSpec {
 
     /// All procedural scenes.
     pub(crate) fn procedural(triangles: usize) -> Vec<Self> {
+        Self::generated(generate::NAMES, triangles)
+    }
+
+    /// Some of them.
+    pub(crate) fn generated(names: &[&str], triangles: usize) -> Vec<Self> {
         let spec = |name: &&str| Self {
             name: (*name).to_owned(),
             origin: Origin::Generated { name: (*name).to_owned(), triangles },
         };
-        generate::NAMES.iter().map(spec).collect()
+        names.iter().map(spec).collect()
+    }
+
+    /// The scenes that arguments name, each once and under a name of its own; `default` without any.
+    pub(crate) fn select(
+        scenes: &[String],
+        folders: &[PathBuf],
+        triangles: usize,
+        default: impl FnOnce() -> Vec<Self>,
+    ) -> Result<Vec<Self>> {
+        let mut specs = Vec::new();
+        for text in scenes {
+            specs.push(Self::parse(text, triangles)?);
+        }
+        for folder in folders {
+            specs.extend(Self::below(folder)?);
+        }
+        if specs.is_empty() {
+            specs = default();
+        }
+        drop_repeated(&mut specs);
+        make_names_unique(&mut specs);
+        Ok(specs)
     }
 
     /// All loadable files below a folder, by path. Symbolic links to folders are not followed,

@@ -10,7 +10,7 @@ use crate::bench::{Failures, Group, Method, find_peers, pool, rays, traces};
 use crate::cli::{AccuracyArgs, Suite};
 use crate::machine;
 use crate::results::{Failure, Results, Row, Run, SceneInfo, Source, finite};
-use crate::scenes::{SceneSpec, drop_repeated, make_names_unique};
+use crate::scenes::SceneSpec;
 use analysis::{Point, Study};
 use anyhow::{Context, Result, bail};
 use niwaki_core::Builder;
@@ -34,21 +34,9 @@ pub(crate) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
 
 fn scenes(args: &AccuracyArgs) -> Result<Vec<SceneSpec>> {
     let triangles = if args.quick { 5_000 } else { 100_000 };
-    let mut specs = Vec::new();
-    for text in &args.scenes {
-        specs.push(SceneSpec::parse(text, triangles)?);
-    }
-    for folder in &args.folders {
-        specs.extend(SceneSpec::below(folder)?);
-    }
-    if specs.is_empty() {
-        for name in ["dragon", "atrium", "foliage"] {
-            specs.push(SceneSpec::parse(name, triangles)?);
-        }
-    }
-    drop_repeated(&mut specs);
-    make_names_unique(&mut specs);
-    Ok(specs)
+    SceneSpec::select(&args.scenes, &args.folders, triangles, || {
+        SceneSpec::generated(&["dragon", "atrium", "foliage"], triangles)
+    })
 }
 
 fn builders(args: &AccuracyArgs) -> Result<ExitCode> {

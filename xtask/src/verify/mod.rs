@@ -12,7 +12,7 @@ mod trees;
 use crate::{
     cli::VerifyArgs,
     registry::{self, TreeBuilder},
-    scenes::{SceneSpec, drop_repeated, make_names_unique},
+    scenes::SceneSpec,
 };
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -156,17 +156,5 @@ fn builders(names: &[String]) -> anyhow::Result<Vec<Box<dyn Builder>>> {
 fn scenes(args: &VerifyArgs) -> anyhow::Result<Vec<SceneSpec>> {
     // Over 262,144, builders partition in parallel; a quick run leaves that to their own tests.
     let triangles = if args.quick { 20_000 } else { 300_000 };
-    let mut scenes = Vec::new();
-    for text in &args.scenes {
-        scenes.push(SceneSpec::parse(text, triangles)?);
-    }
-    for folder in &args.folders {
-        scenes.extend(SceneSpec::below(folder)?);
-    }
-    if scenes.is_empty() {
-        scenes = SceneSpec::procedural(triangles);
-    }
-    drop_repeated(&mut scenes);
-    make_names_unique(&mut scenes);
-    Ok(scenes)
+    SceneSpec::select(&args.scenes, &args.folders, triangles, || SceneSpec::procedural(triangles))
 }
