@@ -1,6 +1,6 @@
 //! Insertion-based optimization (Bittner, Hapala and Havran 2013).
 
-use crate::pass::{rearrange, rearrange_memory};
+use crate::pass::{check_count, check_fraction, rearrange, rearrange_memory};
 use crate::search::{Without, best_place};
 use crate::tree::Tree;
 use crate::{Budget, OptimizeError, Optimizer, Report};
@@ -56,20 +56,9 @@ impl Default for Insertion {
 
 impl Insertion {
     fn check(&self) -> Result<(), OptimizeError> {
-        if !(self.batch_fraction > 0.0 && self.batch_fraction <= 1.0) {
-            return Err(OptimizeError::BadSetting {
-                setting: "batch_fraction",
-                value: self.batch_fraction.to_string(),
-                remedy: "above 0 and at most 1",
-            });
-        }
-        for (setting, value) in [("group_size", self.group_size), ("max_visits", self.max_visits)] {
-            if value == 0 {
-                let (value, remedy) = ("0".into(), "at least 1");
-                return Err(OptimizeError::BadSetting { setting, value, remedy });
-            }
-        }
-        Ok(())
+        check_fraction("batch_fraction", self.batch_fraction)?;
+        check_count("group_size", self.group_size)?;
+        check_count("max_visits", self.max_visits)
     }
 
     fn run(&self, tree: &mut Tree) -> (u32, u64) {

@@ -85,6 +85,23 @@ pub(crate) fn check_constants(constants: &SahConstants) -> Result<(), OptimizeEr
     })
 }
 
+/// Checks a setting that is a share of all nodes.
+pub(crate) fn check_fraction(setting: &'static str, fraction: f32) -> Result<(), OptimizeError> {
+    if fraction > 0.0 && fraction <= 1.0 {
+        return Ok(());
+    }
+    let remedy = "above 0 and at most 1";
+    Err(OptimizeError::BadSetting { setting, value: fraction.to_string(), remedy })
+}
+
+/// Checks a setting that is a number of things.
+pub(crate) fn check_count(setting: &'static str, count: u32) -> Result<(), OptimizeError> {
+    if count > 0 {
+        return Ok(());
+    }
+    Err(OptimizeError::BadSetting { setting, value: "0".into(), remedy: "at least 1" })
+}
+
 /// Bytes that [`rearrange`] takes: the tree taken apart, a stack, and the result.
 pub(crate) const fn rearrange_memory(nodes: usize, references: usize) -> usize {
     let taken_apart = (64 + 4) * (nodes / 2 + 1);

@@ -1,6 +1,6 @@
 //! Parallel reinsertion (Meister and Bittner 2018).
 
-use crate::pass::{rearrange, rearrange_memory};
+use crate::pass::{check_count, check_fraction, rearrange, rearrange_memory};
 use crate::search::{Move, best_move};
 use crate::tree::Tree;
 use crate::{Budget, OptimizeError, Optimizer, Report};
@@ -45,13 +45,7 @@ impl Default for Reinsertion {
 
 impl Reinsertion {
     fn check(&self) -> Result<(), OptimizeError> {
-        if !(self.batch_fraction > 0.0 && self.batch_fraction <= 1.0) {
-            return Err(OptimizeError::BadSetting {
-                setting: "batch_fraction",
-                value: self.batch_fraction.to_string(),
-                remedy: "above 0 and at most 1",
-            });
-        }
+        check_fraction("batch_fraction", self.batch_fraction)?;
         if !(self.falloff.is_finite() && self.falloff >= 0.0) {
             return Err(OptimizeError::BadSetting {
                 setting: "falloff",
@@ -59,13 +53,8 @@ impl Reinsertion {
                 remedy: "a finite number, not negative",
             });
         }
-        for (setting, value) in [("batch_size", self.batch_size), ("max_visits", self.max_visits)] {
-            if value == 0 {
-                let (value, remedy) = ("0".into(), "at least 1");
-                return Err(OptimizeError::BadSetting { setting, value, remedy });
-            }
-        }
-        Ok(())
+        check_count("batch_size", self.batch_size)?;
+        check_count("max_visits", self.max_visits)
     }
 
     fn run(&self, tree: &mut Tree) -> (u32, u64) {
