@@ -4,34 +4,7 @@ use niwaki_build_bonsai::{Bonsai, Pruning};
 use niwaki_build_sweep::Sweep;
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Builder, Triangle, TriangleMesh};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
-
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: passes everything on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(NOW.fetch_add(layout.size(), SeqCst) + layout.size(), SeqCst);
-        // SAFETY: as asked.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(NOW.fetch_add(layout.size(), SeqCst) + layout.size(), SeqCst);
-        // SAFETY: as asked.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), SeqCst);
-        // SAFETY: as asked.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
+use niwaki_hard_cases::counting::{self, Counting};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -51,10 +24,7 @@ fn sheet(count: usize) -> TriangleMesh {
 }
 
 fn peak(builder: &dyn Builder, mesh: &TriangleMesh) -> usize {
-    let before = NOW.load(SeqCst);
-    PEAK.store(before, SeqCst);
-    let bvh = builder.build_mesh(mesh).unwrap();
-    let peak = PEAK.load(SeqCst) - before;
+    let (bvh, peak) = counting::peak(|| builder.build_mesh(mesh).unwrap());
     assert!(bvh.bytes() <= peak);
     peak
 }

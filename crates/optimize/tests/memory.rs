@@ -5,47 +5,12 @@ mod common;
 
 use niwaki_build_sweep::Sweep;
 use niwaki_core::Builder;
+use niwaki_hard_cases::counting::{Counting, peak};
 use niwaki_hard_cases::{median_tree, soup_mesh};
 use niwaki_optimize::{Chain, CollapseLeaves, OnSingleLeaves, Optimized, Optimizer, Reinsertion};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
-
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: passes everything on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(NOW.fetch_add(layout.size(), SeqCst) + layout.size(), SeqCst);
-        // SAFETY: as asked.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(NOW.fetch_add(layout.size(), SeqCst) + layout.size(), SeqCst);
-        // SAFETY: as asked.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), SeqCst);
-        // SAFETY: as asked.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
-
-/// The most bytes that `f` held at once beyond what was there before.
-fn peak<T>(f: impl FnOnce() -> T) -> (T, usize) {
-    let before = NOW.load(SeqCst);
-    PEAK.store(before, SeqCst);
-    let result = f();
-    (result, PEAK.load(SeqCst) - before)
-}
 
 /// One test, because the counters are global.
 #[test]

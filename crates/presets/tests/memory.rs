@@ -1,8 +1,6 @@
 //! The bound on memory, measured with a counting allocator.
 
-#[expect(unreachable_pub, reason = "shared by the tests of several crates")]
-#[path = "../../build-median/tests/support/counting.rs"]
-mod counting;
+use niwaki_hard_cases::counting;
 
 use niwaki_core::{Builder, TriangleMesh};
 use niwaki_presets::Preset;

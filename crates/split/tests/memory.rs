@@ -1,8 +1,6 @@
 //! The bounds on memory, measured by an allocator that counts.
 
-#[expect(unreachable_pub, reason = "shared by the tests of several crates")]
-#[path = "../../build-median/tests/support/counting.rs"]
-mod counting;
+use niwaki_hard_cases::counting;
 
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Triangle, TriangleMesh};

@@ -7,7 +7,7 @@ use niwaki_core::glam::Vec3;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, Triangle, TriangleMesh};
 use niwaki_metrics::validate;
 
-pub mod counting;
+pub use niwaki_hard_cases::counting;
 
 /// SplitMix64 (Steele et al. 2014): small, seeded, good enough for test data.
 pub struct Rng(pub u64);
