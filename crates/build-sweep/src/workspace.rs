@@ -5,6 +5,8 @@ use crate::rule::{Decision, SplitRule};
 #[cfg(target_arch = "x86_64")]
 use crate::{avx2, avx2_partition};
 use crate::{scalar, small_sort};
+#[cfg(target_arch = "x86_64")]
+use niwaki_core::bins::Corners;
 use niwaki_core::{Aabb, BvhNode, PrimRef, to_u32};
 
 /// Memory for building trees one after the other on one thread. Nothing is allocated for a tree
@@ -18,7 +20,7 @@ pub struct SweepWorkspace {
     kernel: Kernel,
     /// The boxes of `prims` as [`avx2`] takes them.
     #[cfg(target_arch = "x86_64")]
-    boxes: Vec<avx2::Corners>,
+    boxes: Vec<Corners>,
     /// Primitives sorted along each axis, from [`PAD`] on; a node is the same range in all three.
     /// The padding before is zero, a valid index, because vector kernels read past the ends of
     /// nodes.
@@ -140,7 +142,7 @@ impl SweepWorkspace {
         #[cfg(target_arch = "x86_64")]
         if self.kernel == Kernel::Avx2 {
             self.boxes.clear();
-            self.boxes.extend(self.prims.iter().map(avx2::Corners::from));
+            self.boxes.extend(self.prims.iter().map(|p| Corners::of(&p.aabb())));
         }
         let mut nodes = std::mem::take(&mut self.nodes);
         let mut used = 1;

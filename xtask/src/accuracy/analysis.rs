@@ -1,7 +1,7 @@
 //! What the measured points say together.
 
-use crate::report::geometric_mean;
 use crate::report::table::{Best, Cell, Table};
+use crate::report::{geometric_mean, pareto_front};
 use crate::results::{Failure, Run};
 use niwaki_presets::{CostModel, FitError, Preset, Sample};
 use serde::Serialize;
@@ -238,13 +238,14 @@ fn sample(point: &Point) -> Option<Sample> {
 }
 
 fn mark_front(points: &mut [Point]) {
-    let times: Vec<(String, f64, f64)> =
-        points.iter().map(|p| (p.scene.clone(), p.once_ms, p.ray_ns)).collect();
-    for point in points {
-        let (x, y) = (point.once_ms, point.ray_ns);
-        point.on_front = !times.iter().any(|(scene, once, ray)| {
-            *scene == point.scene && *once <= x && *ray <= y && (*once, *ray) != (x, y)
-        });
+    let all: Vec<String> = scenes(points).map(str::to_owned).collect();
+    for scene in all {
+        let here: Vec<usize> = (0..points.len()).filter(|&i| points[i].scene == scene).collect();
+        let costs: Vec<(f64, f64)> =
+            here.iter().map(|&i| (points[i].once_ms, points[i].ray_ns)).collect();
+        for (i, on_front) in here.into_iter().zip(pareto_front(&costs)) {
+            points[i].on_front = on_front;
+        }
     }
 }
 

@@ -183,6 +183,12 @@ pub(crate) fn geometric_mean(numbers: impl IntoIterator<Item = f64>) -> Option<f
     (count > 0).then(|| (sum / f64::from(count)).exp())
 }
 
+/// Which of several pairs of costs are on the Pareto front: no other is at most as high in both
+/// and lower in one.
+pub(crate) fn pareto_front(costs: &[(f64, f64)]) -> impl Iterator<Item = bool> + '_ {
+    costs.iter().map(|a| !costs.iter().any(|b| b.0 <= a.0 && b.1 <= a.1 && b != a))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

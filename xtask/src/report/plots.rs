@@ -3,7 +3,7 @@
 use super::axis::{LogAxis, short};
 use super::break_even::{Cost, Interval};
 use super::canvas::{Area, FAINT, GLYPH, INK, SIZE, chart, colour, draw, failed, text};
-use super::model::Engine;
+use super::model::{Engine, pareto_front};
 use crate::results::Source;
 use anyhow::Result;
 use plotters::coord::ranged1d::Ranged;
@@ -96,26 +96,19 @@ pub(crate) fn scatter(engines: &[(Engine<'_>, Cost)], mix: &str) -> Result<Strin
         let y_label = format!("time per ray, ns ({mix})");
         let mut chart = chart(area, (x, y), ("mesh to traversable structure, ms", &y_label), 14)?;
 
-        let mut front: Vec<_> = engines
-            .iter()
-            .filter(|(_, a)| {
-                !engines.iter().any(|(_, b)| {
-                    b.once <= a.once
-                        && b.per_ray <= a.per_ray
-                        && (b.once, b.per_ray) != (a.once, a.per_ray)
-                })
-            })
-            .map(|(_, c)| (c.once, nanoseconds(c)))
+        let costs: Vec<_> = engines.iter().map(|(_, c)| (c.once, nanoseconds(c))).collect();
+        let mut front: Vec<_> = (costs.iter().zip(pareto_front(&costs)))
+            .filter_map(|(&cost, on_front)| on_front.then_some(cost))
             .collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));
         chart
             .draw_series(DashedLineSeries::new(front, 4, 4, FAINT.stroke_width(1)))
             .map_err(failed)?;
 
-        let at: Vec<_> = engines
+        let at: Vec<_> = costs
             .iter()
-            .map(|(_, c)| {
-                let (x, y) = chart.backend_coord(&(c.once, nanoseconds(c)));
+            .map(|cost| {
+                let (x, y) = chart.backend_coord(cost);
                 (f64::from(x), f64::from(y))
             })
             .collect();

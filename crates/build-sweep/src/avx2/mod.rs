@@ -6,7 +6,7 @@ mod axis;
 mod node;
 
 pub(crate) use axis::sweep_axis;
-pub(crate) use node::{Corners, bounds_of_two, sweep, sweep_eight, sweep_four};
+pub(crate) use node::{bounds_of_two, sweep, sweep_eight, sweep_four};
 
 use crate::kernel::Split;
 use crate::rule::SplitRule;

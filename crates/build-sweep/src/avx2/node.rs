@@ -10,22 +10,9 @@
 use super::{BestOfLanes, Costs, best_of_axes, half_areas, lanes};
 use crate::kernel::Split;
 use crate::rule::SplitRule;
-use niwaki_core::{Aabb, PrimRef, glam::Vec3};
+use niwaki_core::bins::Corners;
+use niwaki_core::{Aabb, glam::Vec3};
 use std::arch::x86_64::*;
-
-/// A box for [`Running`]: the smallest corner, negated, in the lower half, the largest in the
-/// upper.
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C, align(32))]
-pub(crate) struct Corners([f32; 8]);
-
-impl From<&PrimRef> for Corners {
-    #[inline]
-    fn from(p: &PrimRef) -> Self {
-        let (a, b) = (-p.min, p.max);
-        Self([a.x, a.y, a.z, 0.0, b.x, b.y, b.z, 0.0])
-    }
-}
 
 /// A box as it grows, with its smallest corner negated.
 #[derive(Clone, Copy)]
