@@ -11,10 +11,13 @@ use niwaki_build_ploc::Ploc;
 use niwaki_build_sbvh::Sbvh;
 use niwaki_build_sweep::Sweep;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, TriangleMesh};
-use niwaki_optimize::{Budget, Chain, CollapseLeaves, Optimized, Reinsertion, Treelets};
+use niwaki_optimize::{
+    Annealing, Budget, Chain, CollapseLeaves, Insertion, Optimized, Reinsertion, Rotations,
+    Treelets,
+};
 use niwaki_peers::{ObvhsPreset, Quality};
 use niwaki_presets::Preset;
-use niwaki_split::{KarrasAila, PreSplit, SplitPartition};
+use niwaki_split::{EarlySplit, EdgeVolume, KarrasAila, PreSplit, SplitPartition};
 
 /// A builder with one setting of its knobs.
 pub(crate) struct Variant {
@@ -59,6 +62,17 @@ fn single(bonsai: Bonsai) -> Bonsai {
     Bonsai { max_leaf_size: 1, ..bonsai }
 }
 
+/// All values of a sweep; with `quick` its ends.
+fn some<T: Copy>(values: &[T], quick: bool) -> Vec<T> {
+    match values {
+        [first, .., last] if quick => vec![*first, *last],
+        _ => values.to_vec(),
+    }
+}
+
+/// Takes the family, the name and the builder of each variant.
+type Add<'a> = &'a mut dyn FnMut(&'static str, String, Box<dyn Builder + Send>);
+
 /// All variants in the order of tables; with `quick` only the ends of long sweeps.
 fn all(quick: bool) -> Vec<Variant> {
     let mut list = Vec::new();
@@ -66,25 +80,47 @@ fn all(quick: bool) -> Vec<Variant> {
         let builder = TreeBuilder::Ours(Box::new(Named { name, builder }));
         list.push(Variant { family, builder });
     };
-    fn some<T: Copy>(values: &[T], quick: bool) -> Vec<T> {
-        match values {
-            [first, .., last] if quick => vec![*first, *last],
-            _ => values.to_vec(),
-        }
+    unsplit(quick, &mut add);
+    split(quick, &mut add);
+    optimized(quick, &mut add);
+    for preset in Preset::ALL {
+        add("preset", preset.name().to_owned(), Box::new(preset));
     }
+    for quality in [Quality::Medium, Quality::High] {
+        list.push(Variant { family: "embree", builder: TreeBuilder::Embree(quality) });
+    }
+    let obvhs: &[_] = if quick {
+        &[ObvhsPreset::Medium]
+    } else {
+        &[ObvhsPreset::Fastest, ObvhsPreset::Medium, ObvhsPreset::VerySlow]
+    };
+    for &preset in obvhs {
+        list.push(Variant { family: "obvhs", builder: TreeBuilder::Obvhs(preset) });
+    }
+    list
+}
+
+/// Builders that refer to each triangle once.
+fn unsplit(quick: bool, add: Add<'_>) {
     add("median", "median_object".into(), Box::<ObjectMedian>::default());
     add("median", "median_spatial".into(), Box::<SpatialMedian>::default());
     for code_bits in [30, 63] {
         let lbvh = Lbvh { code_bits, ..Lbvh::default() };
         add("lbvh", format!("lbvh bits={code_bits}"), Box::new(lbvh));
     }
-    add("lbvh", "hlbvh".into(), Box::<Hlbvh>::default());
+    for treelet_bits in some(&[9, 12, 15, 18, 21], quick) {
+        let hlbvh = Hlbvh { treelet_bits, ..Hlbvh::default() };
+        add("hlbvh", format!("hlbvh bits={treelet_bits}"), Box::new(hlbvh));
+    }
     for radius in some(&[2, 4, 8, 14, 25, 50], quick) {
         let ploc = Ploc { radius, ..Ploc::default() };
         add("ploc", format!("ploc radius={radius}"), Box::new(ploc));
     }
-    add("aac", "aac_lq".into(), Box::new(Aac::lq()));
-    add("aac", "aac_hq".into(), Box::new(Aac::hq()));
+    // From the paper's LQ to its HQ, and past it.
+    for (delta, epsilon) in some(&[(4, 0.2), (8, 0.2), (20, 0.2), (20, 0.1), (40, 0.1)], quick) {
+        let aac = Aac { delta, epsilon, ..Aac::hq() };
+        add("aac", format!("aac δ={delta} ε={epsilon}"), Box::new(aac));
+    }
     for bins in some(&[4, 8, 16, 32, 64], quick) {
         let binned = Binned { bins, ..Binned::default() };
         add("binned", format!("binned bins={bins}"), Box::new(binned));
@@ -99,6 +135,10 @@ fn all(quick: bool) -> Vec<Variant> {
         add("pruning", format!("bonsai_p T={fraction}"), Box::new(bonsai));
     }
     add("pruning", "bonsai_p_star".into(), Box::new(Bonsai::bonsai_p_star()));
+}
+
+/// Builders that split triangles.
+fn split(quick: bool, add: Add<'_>) {
     let split = Bonsai::bonsai_s();
     let default = split.split.unwrap_or_default();
     // 0 is the paper's rule.
@@ -114,6 +154,16 @@ fn all(quick: bool) -> Vec<Variant> {
     }
     let pre = PreSplit::new(Sweep::default(), SplitPartition::default());
     add("pre-split", "sweep_pre".into(), Box::new(pre));
+    for exponent in some(&[8, 10, 12, 14, 16], quick) {
+        let early = EarlySplit { max_area: 0.5_f32.powi(exponent), ..EarlySplit::default() };
+        let pre = PreSplit::new(Sweep::default(), early);
+        add("early split", format!("sweep_esc area=2^-{exponent}"), Box::new(pre));
+    }
+    for exponent in some(&[10, 12, 14, 16, 18], quick) {
+        let edge = EdgeVolume { max_volume: 0.5_f32.powi(exponent), ..EdgeVolume::default() };
+        let pre = PreSplit::new(Sweep::default(), edge);
+        add("edge volume", format!("sweep_evh volume=2^-{exponent}"), Box::new(pre));
+    }
     for max_extra in some(&[0.1, 0.3, 0.5], quick) {
         let pre = PreSplit::new(Sweep::default(), KarrasAila { max_extra });
         add("karras-aila", format!("sweep_ka extra={max_extra}"), Box::new(pre));
@@ -130,7 +180,15 @@ fn all(quick: bool) -> Vec<Variant> {
         let sbvh = Sbvh { max_references, ..Sbvh::default() };
         add("sbvh budget", format!("sbvh references={max_references}"), Box::new(sbvh));
     }
+    for count_exponent in some(&[0.6, 0.8, 1.0], quick) {
+        let sbvh = Sbvh { count_exponent, ..Sbvh::default() };
+        add("sbvh exponent", format!("sbvh exponent={count_exponent}"), Box::new(sbvh));
+    }
     add("sbvh", "sbvh_sweep".into(), Box::new(Sbvh::sweep()));
+}
+
+/// Trees that are improved after they were built.
+fn optimized(quick: bool, add: Add<'_>) {
     for iterations in some(&[1, 2, 4, 8, 16], quick) {
         let name = format!("bonsai_p+reinsert {iterations}");
         add("reinsertion", name, reinserted(Bonsai::bonsai_p(), iterations));
@@ -152,23 +210,26 @@ fn all(quick: bool) -> Vec<Variant> {
         let name = format!("sbvh/1+reinsert {iterations}");
         add("reinsertion split", name, reinserted(sbvh, iterations));
     }
-    let treelets = Optimized::new(Bonsai::bonsai_p(), Treelets::default());
-    add("treelets", "bonsai_p+treelets".into(), Box::new(treelets));
-    for preset in Preset::ALL {
-        add("preset", preset.name().to_owned(), Box::new(preset));
+    for iterations in some(&[1, 2, 3], quick) {
+        let pass = Treelets { budget: Budget::iterations(iterations), ..Treelets::default() };
+        let name = format!("bonsai_p+treelets {iterations}");
+        add("treelets", name, Box::new(Optimized::new(Bonsai::bonsai_p(), pass)));
     }
-    for quality in [Quality::Medium, Quality::High] {
-        list.push(Variant { family: "embree", builder: TreeBuilder::Embree(quality) });
+    for iterations in some(&[1, 3, 10], quick) {
+        let pass = Rotations { budget: Budget::iterations(iterations), ..Rotations::default() };
+        let name = format!("bonsai_p+rotations {iterations}");
+        add("rotations", name, Box::new(Optimized::new(Bonsai::bonsai_p(), pass)));
     }
-    let obvhs: &[_] = if quick {
-        &[ObvhsPreset::Medium]
-    } else {
-        &[ObvhsPreset::Fastest, ObvhsPreset::Medium, ObvhsPreset::VerySlow]
-    };
-    for &preset in obvhs {
-        list.push(Variant { family: "obvhs", builder: TreeBuilder::Obvhs(preset) });
+    for iterations in some(&[10, 50, 100], quick) {
+        let pass = Annealing { budget: Budget::iterations(iterations), ..Annealing::default() };
+        let name = format!("bonsai_p+annealing {iterations}");
+        add("annealing", name, Box::new(Optimized::new(Bonsai::bonsai_p(), pass)));
     }
-    list
+    for iterations in some(&[10, 25, 50], quick) {
+        let pass = Insertion { budget: Budget::iterations(iterations), ..Insertion::default() };
+        let name = format!("bonsai_p+insertion {iterations}");
+        add("insertion", name, Box::new(Optimized::new(Bonsai::bonsai_p(), pass)));
+    }
 }
 
 /// The variants of some families; of all without names.
