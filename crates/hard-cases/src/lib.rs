@@ -18,11 +18,13 @@
 //! #181, #387), svenstaro/bvh (#44) and parry (#444), Embree's and pbrt-v4's regression tests, and
 //! the arithmetic of Ize 2013 and of Woop, Benthin and Wald 2013.
 
+mod closed;
 pub mod counting;
 mod meshes;
 mod plain;
 mod rays;
 
+pub use closed::{Closed, closed};
 pub use meshes::{Case, bad_prim_refs, closed_star, deep_chain, meshes, soup};
 pub use plain::{median_tree, sheet, soup_mesh};
 pub use rays::{aimed_at_borders, bad_rays, rays};
