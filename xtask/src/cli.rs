@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::bench::Shard;
+use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -27,6 +28,11 @@ pub(crate) enum Command {
     Thesis(Box<ThesisArgs>),
     /// Check every builder and kernel against brute force, Embree and obvhs.
     Verify(VerifyArgs),
+    /// Give hard cases to every builder, kernel and peer, each in a process that is watched.
+    Stability(StabilityArgs),
+    /// What `stability` starts.
+    #[command(hide = true)]
+    StabilityWorker(StabilityOptions),
 }
 
 const BENCH_EXAMPLES: &str = "\

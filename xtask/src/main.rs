@@ -9,6 +9,7 @@ mod registry;
 mod report;
 mod results;
 mod scenes;
+mod stability;
 mod thesis;
 mod verify;
 
@@ -20,6 +21,8 @@ fn main() -> ExitCode {
         cli::Command::Bench(args) => bench::run(&args),
         cli::Command::Accuracy(args) => accuracy::run(&args),
         cli::Command::Report(args) => report::run(&args),
+        cli::Command::Stability(args) => stability::run(&args),
+        cli::Command::StabilityWorker(options) => stability::run_worker(&options),
         cli::Command::Thesis(args) => thesis::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };

@@ -187,6 +187,24 @@ pub(crate) fn select(names: &[String]) -> Result<Vec<TreeBuilder>> {
     Ok(all.into_iter().filter(|builder| names.iter().any(|name| selects(name, builder))).collect())
 }
 
+/// The builders of ours that the names select; all without names.
+pub(crate) fn select_ours(names: &[String]) -> Result<Vec<Box<dyn Builder>>> {
+    if names.is_empty() {
+        return Ok(ours());
+    }
+    let selected: Vec<_> = select(names)?
+        .into_iter()
+        .filter_map(|builder| match builder {
+            TreeBuilder::Ours(builder) => Some(builder),
+            _ => None,
+        })
+        .collect();
+    if selected.is_empty() {
+        bail!("none of {} is a builder of ours; peers take part by themselves", names.join(", "));
+    }
+    Ok(selected)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

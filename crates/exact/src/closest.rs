@@ -26,9 +26,17 @@ pub fn closest(
 ) -> Option<Closest> {
     let mut nearest: Option<Triangle> = None;
     let mut ties = Vec::new();
+    let mut last: Option<(Triangle, Contact)> = None;
     for (id, triangle) in candidates {
-        let contact = contact(ray, &triangle);
+        // Equal triangles often stand side by side, and exact arithmetic takes its time.
+        let again = last.filter(|(last, _)| *last == triangle);
+        let contact = again.map_or_else(|| contact(ray, &triangle), |(_, contact)| contact);
+        last = Some((triangle, contact));
         if !contact.is_hit() {
+            continue;
+        }
+        if again.is_some() && nearest == Some(triangle) {
+            ties.push((id, contact));
             continue;
         }
         match nearest.map_or(Ordering::Less, |nearest| compare_t(ray, &triangle, &nearest)) {

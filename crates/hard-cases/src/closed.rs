@@ -69,18 +69,18 @@ pub fn closed() -> Vec<Closed> {
         is_box: false,
     };
     vec![
-        star("star", "of size 1 around the origin", 1.0, Vec3::ZERO),
+        star("closed_star", "of size 1 around the origin", 1.0, Vec3::ZERO),
         star(
             "star_offset",
             "coordinates of 1,000 times the size",
             1.0,
             Vec3::new(1e3, 7e2, -1.3e3),
         ),
-        star("star_at_1e7", "corners rounded to whole numbers", 64.0, Vec3::splat(1e7)),
-        star("star_1e-6", "of size 1e-6", 1e-6, Vec3::ZERO),
-        star("star_1e6", "of size 1e6", 1e6, Vec3::ZERO),
-        star("star_1e-30", "areas vanish in f32", 1e-30, Vec3::ZERO),
-        star("star_1e30", "areas overflow f32", 1e30, Vec3::ZERO),
+        star("closed_star_at_1e7", "corners rounded to whole numbers", 64.0, Vec3::splat(1e7)),
+        star("closed_star_1e-6", "of size 1e-6", 1e-6, Vec3::ZERO),
+        star("closed_star_1e6", "of size 1e6", 1e6, Vec3::ZERO),
+        star("closed_star_1e-30", "areas vanish in f32", 1e-30, Vec3::ZERO),
+        star("closed_star_1e30", "areas overflow f32", 1e30, Vec3::ZERO),
         integer_box(),
     ]
 }
@@ -105,7 +105,7 @@ fn integer_box() -> Closed {
         }
     }
     Closed {
-        name: "integer_box",
+        name: "closed_box",
         why: "axis-parallel rays at corners with integer coordinates",
         mesh: TriangleMesh::from_triangles(&triangles).expect("small integers"),
         center: Vec3::ZERO,

@@ -85,30 +85,31 @@ fn run_case(
     Ok(())
 }
 
+/// The rays whose exact answer an `f32` can hold, with that answer; `u` and `v` are left 0.
+pub(crate) fn exact_answers(mesh: &TriangleMesh, rays: &[Ray]) -> (Vec<Ray>, Vec<Hit>) {
+    // A distance past the normal range of f32 has no f32 to full precision, so no kernel that
+    // returns one can be held to it.
+    let normal =
+        |t: f64| t == 0.0 || (f64::from(f32::MIN_POSITIVE)..=f64::from(f32::MAX)).contains(&t);
+    rays.iter()
+        .filter_map(|ray| match closest_in_mesh(ray, mesh) {
+            None => Some((*ray, Hit::MISS)),
+            Some(closest) if normal(closest.t) => {
+                let t = round_down(closest.t);
+                let prim_id = closest.ties.first().map_or(Hit::NO_PRIM, |tie| tie.0);
+                Some((*ray, Hit { t, u: 0.0, v: 0.0, prim_id }))
+            }
+            Some(_) => None,
+        })
+        .unzip()
+}
+
 /// Brute force against the exact answer: all kernels share one triangle test, so a fault of that
 /// test would not show between them.
 fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
     let mesh = &case.mesh;
     let affordable = EXACT_TESTS / mesh.len().max(1);
-    // A distance past the normal range of f32 has no f32 to full precision, so no kernel that
-    // returns one can be held to it.
-    let normal =
-        |t: f64| t == 0.0 || (f64::from(f32::MIN_POSITIVE)..=f64::from(f32::MAX)).contains(&t);
-    let mut asked = Vec::new();
-    let mut truth = Vec::new();
-    for ray in rays.iter().take(affordable.max(8)) {
-        match closest_in_mesh(ray, mesh) {
-            None => truth.push(Hit::MISS),
-            Some(closest) if normal(closest.t) => truth.push(Hit {
-                t: round_down(closest.t),
-                u: 0.0,
-                v: 0.0,
-                prim_id: closest.ties.first().map_or(Hit::NO_PRIM, |tie| tie.0),
-            }),
-            Some(_) => continue,
-        }
-        asked.push(*ray);
-    }
+    let (asked, truth) = exact_answers(mesh, &rays[..rays.len().min(affordable.max(8))]);
     let rays = asked.as_slice();
     let brute = BruteForce(mesh);
     let occluded = truth.iter().map(Hit::is_hit).collect();

@@ -2,10 +2,10 @@
 
 use niwaki_core::{Hit, Ray};
 use niwaki_exact::{Side, Verdict};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a comparison of many answers came to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Tally {
     /// Rays compared.
     pub(crate) rays: u64,

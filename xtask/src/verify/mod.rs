@@ -1,23 +1,20 @@
 //! `cargo xtask verify`: every builder × kernel against brute force and peers, with an exact
 //! arbiter.
 
-mod compare;
+pub(crate) mod compare;
 mod full;
 mod hard;
-mod kernels;
-mod ledger;
+pub(crate) mod kernels;
+pub(crate) mod ledger;
 mod print;
 mod trees;
 
-use crate::{
-    cli::VerifyArgs,
-    registry::{self, TreeBuilder},
-    scenes::SceneSpec,
-};
-use anyhow::{Context, bail};
+pub(crate) use hard::exact_answers;
+
+use crate::{cli::VerifyArgs, registry, scenes::SceneSpec};
+use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use ledger::Ledger;
-use niwaki_core::Builder;
 use niwaki_peers::{Embree, ObvhsPreset};
 use std::process::ExitCode;
 
@@ -47,7 +44,7 @@ impl Options {
 /// # Errors
 /// If a scene cannot be loaded, a file cannot be written, or anything counts against us.
 pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
-    let builders = builders(&args.builders)?;
+    let builders = registry::select_ours(&args.builders)?;
     let options = Options {
         rays: args.rays.unwrap_or(if args.quick { 50_000 } else { 1_000_000 }),
         hard_rays: if args.quick { 40 } else { 400 },
@@ -134,22 +131,6 @@ pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     }
     println!("Nothing counts against us.");
     Ok(if unloadable.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-}
-
-/// The builders of ours that the names select; all without names.
-fn builders(names: &[String]) -> anyhow::Result<Vec<Box<dyn Builder>>> {
-    let names = if names.is_empty() { &["niwaki".to_owned()] } else { names };
-    let ours: Vec<_> = registry::select(names)?
-        .into_iter()
-        .filter_map(|builder| match builder {
-            TreeBuilder::Ours(builder) => Some(builder),
-            _ => None,
-        })
-        .collect();
-    if ours.is_empty() {
-        bail!("none of {} is a builder of ours; peers take part by themselves", names.join(", "));
-    }
-    Ok(ours)
 }
 
 /// The scenes that the arguments select; the procedural ones without.

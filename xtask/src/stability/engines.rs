@@ -1,0 +1,111 @@
+//! What is tried: every builder of ours under every kernel, and the peers' own structures.
+
+use crate::registry;
+use crate::results::Source;
+use crate::verify::kernels::{BruteForce, each_kernel};
+use anyhow::{Context as _, Result};
+use niwaki_core::{Builder, Intersector, TriangleMesh};
+use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
+use niwaki_trace::Kernel;
+
+/// A builder of ours, or a structure of a peer.
+pub(crate) enum Engine {
+    /// No tree: every triangle is tested.
+    BruteForce,
+    /// One of ours, traced by all kernels.
+    Ours(Box<dyn Builder>),
+    /// Embree's structure and kernel.
+    Embree { quality: Quality, robust: bool },
+    /// The structure and kernel of obvhs.
+    Obvhs { preset: ObvhsPreset, kernel: ObvhsKernel },
+}
+
+/// The builder whose trees are traced with the most rays.
+const MAIN: &str = "bonsai_p";
+
+impl Engine {
+    /// Those of ours that the names select, and those of peers.
+    pub(crate) fn all(builders: &[String], with_peers: bool) -> Result<Vec<Self>> {
+        let mut engines = vec![Self::BruteForce];
+        engines.extend(registry::select_ours(builders)?.into_iter().map(Self::Ours));
+        if with_peers {
+            for robust in [false, true] {
+                engines.extend(Quality::ALL.map(|quality| Self::Embree { quality, robust }));
+            }
+            for kernel in [ObvhsKernel::Bvh2, ObvhsKernel::CwBvh] {
+                engines.extend(
+                    [ObvhsPreset::Fastest, ObvhsPreset::Medium]
+                        .map(|preset| Self::Obvhs { preset, kernel }),
+                );
+            }
+        }
+        Ok(engines)
+    }
+
+    pub(crate) const fn source(&self) -> Source {
+        match self {
+            Self::BruteForce | Self::Ours(_) => Source::Niwaki,
+            Self::Embree { .. } => Source::Embree,
+            Self::Obvhs { .. } => Source::Obvhs,
+        }
+    }
+
+    /// The builder or preset.
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Self::BruteForce => "none",
+            Self::Ours(builder) => builder.name(),
+            Self::Embree { quality, .. } => quality.name(),
+            Self::Obvhs { preset, .. } => preset.name(),
+        }
+    }
+
+    /// The name of the kernel, where there is but one.
+    pub(crate) const fn kernel(&self) -> Option<&'static str> {
+        match self {
+            Self::BruteForce => Some("brute_force"),
+            Self::Ours(_) => None,
+            Self::Embree { robust: false, .. } => Some("fast"),
+            Self::Embree { robust: true, .. } => Some("robust"),
+            Self::Obvhs { kernel: ObvhsKernel::Bvh2, .. } => Some("bvh2"),
+            Self::Obvhs { kernel: ObvhsKernel::CwBvh, .. } => Some("cwbvh"),
+        }
+    }
+
+    /// True for the one whose kernels get the most rays at closed surfaces.
+    pub(crate) fn is_main(&self) -> bool {
+        matches!(self, Self::Ours(builder) if builder.name() == MAIN)
+    }
+
+    /// Builds its structure over a mesh and calls `f` with each kernel.
+    pub(crate) fn each(
+        &self,
+        mesh: &TriangleMesh,
+        embree: Option<&Embree>,
+        mut f: impl FnMut(&str, &dyn Intersector),
+    ) -> Result<()> {
+        let kernel = self.kernel().unwrap_or_default();
+        match self {
+            Self::BruteForce => f(kernel, &BruteForce(mesh)),
+            Self::Ours(builder) => each_kernel(&builder.build_mesh(mesh)?, mesh, f)?,
+            Self::Embree { quality, robust } => {
+                let embree = embree.context("Embree is not loaded")?;
+                f(kernel, &EmbreeScene::new(embree, mesh, *quality, *robust)?);
+            }
+            Self::Obvhs { preset, kernel: of } => {
+                f(kernel, &ObvhsScene::new(mesh, *preset, *of)?);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// True for the fastest kernel of this processor, in any mode.
+pub(crate) fn is_fastest(kernel: &str) -> bool {
+    kernel.starts_with(Kernel::best().name())
+}
+
+/// True for kernels that promise to let nothing out of a closed surface.
+pub(crate) fn is_watertight(kernel: &str) -> bool {
+    kernel.ends_with("watertight")
+}
