@@ -32,24 +32,20 @@
 //! There are no feature flags.
 
 mod assemble;
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 mod mini;
-mod partition;
 mod prune;
-mod select;
-mod source;
 mod timings;
 
 pub use timings::Timings;
 
 use mini::Batch;
 use niwaki_build_sweep::{Kernel, SplitRule, SweepWorkspace, build_tree, tree_memory_bound};
+use niwaki_core::builder::MAX_PRIMS;
+use niwaki_core::midpoint::{Midpoints, Selection, Source, select};
 use niwaki_core::{
     AreaScale, BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh, scene_bounds,
 };
 use niwaki_split::{GroupSize, Partition, SplitPartition};
-use source::{Midpoints, Source};
 
 /// When a mini tree is cut up (thesis paper IV, section 5.4).
 ///
@@ -152,7 +148,7 @@ impl Bonsai {
     /// As [`Builder::build_mesh`].
     pub fn build_mesh_timed(&self, mesh: &TriangleMesh) -> Result<(Bvh, Timings), BuildError> {
         let rule = self.rule()?;
-        source::check_count(mesh.len())?;
+        check_count(mesh.len())?;
         match &self.split {
             None => Ok(self.run(mesh, rule)),
             Some(split) => self.run_split(|| split.partition_mesh(mesh), rule),
@@ -209,17 +205,17 @@ impl Bonsai {
 
     fn run<S: Source + ?Sized>(&self, source: &S, rule: SplitRule) -> (Bvh, Timings) {
         let mut timings = Timings::default();
-        let count = source.len();
+        let count = source.count();
         if count == 0 {
             return (Bvh::default(), timings);
         }
         let mut clock = timings::Clock::start();
         let midpoints = Midpoints::of(source);
-        let scale = midpoints.scale;
+        let scale = AreaScale::of(&midpoints.scene);
         let rule = rule.with_scale(scale);
         timings.midpoints = clock.lap();
         let size = (self.mini_tree_size as usize).min(count);
-        let (mut ids, groups) = select::select(midpoints, size, self.kernel);
+        let Selection { mut ids, groups } = select(midpoints, size);
         timings.selection = clock.lap();
         let build = mini::Build { rule: &rule, kernel: self.kernel, size };
         let minis = build.over_source(source, &groups, &mut ids);
@@ -243,7 +239,7 @@ impl Bonsai {
         }
         let scale = AreaScale::of(&partition.bounds());
         let rule = rule.with_scale(scale);
-        let size = partition.groups().map(<[PrimRef]>::len).max().unwrap_or(0);
+        let size = partition.groups().map(|group| group.len()).max().unwrap_or(0);
         let mut ids = vec![0; count];
         let build = mini::Build { rule: &rule, kernel: self.kernel, size };
         let minis = build.over_groups(partition.groups(), &mut ids);
@@ -326,6 +322,13 @@ impl Builder for Bonsai {
         let joining = minis + roots + top.max(assembly);
         grouping.max(minis + workspaces + held).max(joining) + 65536
     }
+}
+
+const fn check_count(count: usize) -> Result<(), BuildError> {
+    if count > MAX_PRIMS {
+        return Err(BuildError::TooManyPrimitives { count, max: MAX_PRIMS });
+    }
+    Ok(())
 }
 
 #[cfg(doctest)]

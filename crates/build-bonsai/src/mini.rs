@@ -1,8 +1,9 @@
 //! Mini trees: one sweep tree a group (thesis paper IV, section 5.3).
 
-use crate::source::Source;
 use niwaki_build_sweep::{Kernel, SplitRule, WorkspacePool};
+use niwaki_core::midpoint::Source;
 use niwaki_core::{BvhNode, PrimRef, to_u32};
+use niwaki_split::Group;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -81,11 +82,13 @@ impl Build<'_> {
     /// As [`Build::over_source`], from groups of references: `ids` only comes out.
     pub(crate) fn over_groups<'g>(
         &self,
-        groups: impl Iterator<Item = &'g [PrimRef]>,
+        groups: impl Iterator<Item = Group<'g>>,
         ids: &mut [u32],
     ) -> Vec<Batch> {
         self.run(groups.map(|group| (group.len(), group)), ids, |group, _, prims| {
-            prims.extend_from_slice(group);
+            for part in group.parts() {
+                prims.extend_from_slice(part);
+            }
         })
     }
 

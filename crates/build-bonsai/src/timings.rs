@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 pub struct Timings {
     /// Midpoints and scene bounds; nothing with [`crate::Bonsai::split`].
     pub midpoints: Duration,
-    /// Splitting the midpoints into groups. With [`crate::Bonsai::split`] also the list of
-    /// references, which takes the place of midpoints, and splitting triangles.
+    /// Splitting the midpoints into groups. With [`crate::Bonsai::split`] also the midpoints
+    /// themselves, the list of references, and splitting triangles.
     pub selection: Duration,
     /// Sweep trees over the groups.
     pub mini_trees: Duration,

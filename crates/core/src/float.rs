@@ -23,9 +23,10 @@ pub const ROBUST_SLAB: f32 = 1.0 + 2.0 * gamma(3);
     clippy::cast_possible_truncation,
     reason = "rounding to f32 is the purpose; the side is repaired below"
 )]
+#[inline]
 pub fn round_down(x: f64) -> f32 {
     let nearest = x as f32;
-    if f64::from(nearest) > x { nearest.next_down() } else { nearest }
+    step(nearest, -i32::from(f64::from(nearest) > x))
 }
 
 /// The smallest `f32` that is not below `x`; NaN stays NaN.
@@ -34,9 +35,20 @@ pub fn round_down(x: f64) -> f32 {
     clippy::cast_possible_truncation,
     reason = "rounding to f32 is the purpose; the side is repaired below"
 )]
+#[inline]
 pub fn round_up(x: f64) -> f32 {
     let nearest = x as f32;
-    if f64::from(nearest) < x { nearest.next_up() } else { nearest }
+    step(nearest, i32::from(f64::from(nearest) < x))
+}
+
+/// The neighbour of a number above (1), below (−1) or itself (0), without a branch. −0.0 is below
+/// +0.0; rounding keeps the sign, so nothing on the wrong side of either is rounded to it.
+#[inline]
+const fn step(x: f32, by: i32) -> f32 {
+    let bits = x.to_bits().cast_signed();
+    // Negative numbers sort by the complement of what follows their sign.
+    let sorted = (bits ^ ((bits >> 31) & i32::MAX)) + by;
+    f32::from_bits((sorted ^ ((sorted >> 31) & i32::MAX)).cast_unsigned())
 }
 
 /// Bits that sort as unsigned integers the way the numbers sort: the key of a radix sort. −0.0

@@ -26,6 +26,7 @@
 //! | [`bottom_up`] | trees that are joined from the primitives up, with leaves by SAH |
 //! | [`clip`] | cuts references at axis planes, for builders that split primitives |
 //! | [`layout`] | where top-down builders put nodes so that the result never depends on threads |
+//! | [`midpoint`] | midpoints of boxes, and groups of them halved in space |
 //! | [`morton`] | Morton codes, and the order and radix tree that they give |
 //! | [`partition`] | partitioning one list with all threads, in place |
 //! | [`radix`] | a stable parallel radix sort |
@@ -45,6 +46,7 @@ pub mod float;
 pub mod layout;
 pub mod memory;
 pub mod mesh;
+pub mod midpoint;
 pub mod morton;
 pub mod partition;
 pub mod prim_ref;

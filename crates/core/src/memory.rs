@@ -27,15 +27,3 @@ pub fn prefer_large_pages<T>(array: &[T]) {
     #[cfg(not(target_os = "linux"))]
     let _ = array;
 }
-
-/// Zeros, backed by large pages as far as [`prefer_large_pages`] gets them.
-///
-/// `bytemuck::zeroed_vec` touches every page of a type that is aligned to more than 16 bytes, such
-/// as references and nodes, before anyone can say which pages it should have.
-#[must_use]
-pub fn zeroed_in_large_pages<T: bytemuck::Zeroable + Clone>(len: usize) -> Vec<T> {
-    let mut array = Vec::with_capacity(len);
-    prefer_large_pages(array.spare_capacity_mut());
-    array.resize(len, T::zeroed());
-    array
-}

@@ -4,7 +4,8 @@ use crate::{
     Aabb,
     float::{round_down, round_up},
 };
-use glam::{DVec3, Vec3, Vec4};
+use glam::{BVec4A, Vec3, Vec4};
+use std::array;
 
 /// A triangle by its corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,30 +57,33 @@ impl Triangle {
     /// If `axis` is not 0, 1 or 2.
     #[must_use]
     pub fn split(&self, bounds: &Aabb, axis: usize, position: f32) -> (Aabb, Aabb) {
-        let mut lower = Aabb::EMPTY;
-        let mut upper = Aabb::EMPTY;
-        let corners = self.vertices();
-        let plane = f64::from(position);
-        for (i, &corner) in corners.iter().enumerate() {
-            if corner[axis] <= position {
-                lower = lower.grow(corner);
-            }
-            if corner[axis] >= position {
-                upper = upper.grow(corner);
-            }
-            let next = corners[(i + 1) % 3];
-            // Order the edge by corner, not by direction, so that both triangles that share it
-            // cut it at the same place.
-            let (a, b) =
-                if lexicographic_less(corner, next) { (corner, next) } else { (next, corner) };
-            if (a[axis] < position && b[axis] > position)
-                || (a[axis] > position && b[axis] < position)
-            {
-                let cut = edge_crossing(a.as_dvec3(), b.as_dvec3(), axis, plane);
-                lower = lower.union(cut);
-                upper = upper.union(cut);
-            }
+        assert!(axis < 3, "an axis is 0, 1 or 2");
+        // No branch on which corners are where, because that cannot be predicted.
+        let corners = self.vertices().map(|v| v.extend(0.0));
+        let along = corners.map(|v| v.as_ref()[axis]);
+        let mut lower = [Vec4::INFINITY, Vec4::NEG_INFINITY];
+        let mut upper = lower;
+        let grow = |side: &mut [Vec4; 2], is_in: bool, corner: Vec4| {
+            let is_in = BVec4A::new(is_in, is_in, is_in, is_in);
+            side[0] = side[0].min(Vec4::select(is_in, corner, Vec4::INFINITY));
+            side[1] = side[1].max(Vec4::select(is_in, corner, Vec4::NEG_INFINITY));
+        };
+        let mut crossing = [0; 4];
+        let mut count = 0;
+        for i in 0..3 {
+            grow(&mut lower, along[i] <= position, corners[i]);
+            grow(&mut upper, along[i] >= position, corners[i]);
+            let (a, b) = (along[i], along[(i + 1) % 3]);
+            crossing[count] = i;
+            count += usize::from((a < position) & (b > position) | (a > position) & (b < position));
         }
+        for &i in &crossing[..count] {
+            let cut = edge_crossing(corners[i], corners[(i + 1) % 3], axis, position);
+            lower = [lower[0].min(cut[0]), lower[1].max(cut[1])];
+            upper = [upper[0].min(cut[0]), upper[1].max(cut[1])];
+        }
+        let [mut lower, mut upper] =
+            [lower, upper].map(|[min, max]| Aabb::new(min.truncate(), max.truncate()));
         // On the plane itself the cut is known exactly.
         if !lower.is_empty() {
             lower.max[axis] = lower.max[axis].min(position);
@@ -162,27 +166,28 @@ impl Triangle {
     }
 }
 
-fn lexicographic_less(a: Vec3, b: Vec3) -> bool {
-    (a.x, a.y, a.z) < (b.x, b.y, b.z)
-}
-
 /// A box that surely contains the point where the edge from `a` to `b`, whose ends lie strictly
 /// on different sides, crosses the plane `p[axis] = plane`.
-fn edge_crossing(a: DVec3, b: DVec3, axis: usize, plane: f64) -> Aabb {
+fn edge_crossing(a: Vec4, b: Vec4, axis: usize, plane: f32) -> [Vec4; 2] {
     // Differences of f32 values are within one rounding in f64, so t has three roundings, the
     // interpolation three more: 8u·(|a| + |b|) is a safe bound on the error of each coordinate.
     const ERROR: f64 = 8.0 * f64::EPSILON;
-    let t = (plane - a[axis]) / (b[axis] - a[axis]);
-    let point = a + (b - a) * t;
-    let error = (a.abs() + b.abs()) * ERROR;
-    let (low, high) = (point - error, point + error);
-    // The crossing lies between the ends, so the widened box need not leave theirs.
-    let (low, high) = (low.max(a.min(b)), high.min(a.max(b)));
-    let mut cut = Aabb::new(
-        Vec3::new(round_down(low.x), round_down(low.y), round_down(low.z)),
-        Vec3::new(round_up(high.x), round_up(high.y), round_up(high.z)),
-    );
-    cut.min[axis] = round_down(plane);
-    cut.max[axis] = round_up(plane);
-    cut
+    // Order the edge by corner, not by direction, so that both triangles that share it cut it at
+    // the same place.
+    let (less, equal) = (a.cmplt(b).bitmask(), a.cmpeq(b).bitmask());
+    let is_less = less & 1 | equal & 1 & (less >> 1 & 1 | equal >> 1 & 1 & (less >> 2 & 1)) != 0;
+    let is_less = BVec4A::new(is_less, is_less, is_less, is_less);
+    let (a, b) = (Vec4::select(is_less, a, b), Vec4::select(is_less, b, a));
+    let (low_end, high_end) = (a.min(b).to_array(), a.max(b).to_array());
+    let (a, b) = (a.to_array().map(f64::from), b.to_array().map(f64::from));
+    let t = (f64::from(plane) - a[axis]) / (b[axis] - a[axis]);
+    let point: [f64; 4] = array::from_fn(|i| a[i] + (b[i] - a[i]) * t);
+    let error: [f64; 4] = array::from_fn(|i| (a[i].abs() + b[i].abs()) * ERROR);
+    // The crossing lies between the ends, so the widened box need not leave theirs; these are f32,
+    // so that rounding keeps the order.
+    let mut low: [f32; 4] = array::from_fn(|i| round_down(point[i] - error[i]));
+    let mut high: [f32; 4] = array::from_fn(|i| round_up(point[i] + error[i]));
+    low[axis] = plane;
+    high[axis] = plane;
+    [Vec4::from(low).max(Vec4::from(low_end)), Vec4::from(high).min(Vec4::from(high_end))]
 }

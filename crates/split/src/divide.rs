@@ -1,24 +1,24 @@
 //! Divides sets of references until they are small enough (thesis paper V, section 4.1).
 //!
-//! Each set has a region of the array: its references, then free room. References that overlap the
-//! plane are known by index; if they are split, one half takes the place of the whole and the other
-//! goes to the free room, before the set is partitioned in place. What is left of the room is
-//! shared by both sides in proportion to their size. Where the paper moves one side to a new region
-//! when the room is used up, all room that splitting may take is part of the array from the start,
-//! and a set whose share is used up is not split any more: memory has a bound, and the result does
-//! not depend on which set asks first.
+//! The paper moves references at every plane. Here they stand in the order that mini tree selection
+//! gives, which halves midpoints in the same way and moves 16 bytes a primitive, and a set is a list
+//! of short blocks of them: most blocks are on one side of a plane, and only what is in the others is
+//! looked at. As long as nothing is split, planes are those of the selection and no block has to be
+//! cut in two.
+//!
+//! Of a reference that is split, one half takes the place of the whole, and the other goes to the
+//! *room* of its set: those are partitioned at every plane, and what is left of the room is shared by
+//! both sides in proportion to their size. Where the paper moves one side to a new region when the
+//! room is used up, all room that splitting may take is there from the start, and a set whose share is
+//! used up is not split any more: memory has a bound, and the result does not depend on which set asks
+//! first.
 
-use crate::sets::{Plane, Set, Sides, cost};
-use crate::shared;
-use crate::spread::spread;
+use crate::blocks::Block;
+use crate::step::{self, Scratch, step};
+use niwaki_core::midpoint::Plane;
 use niwaki_core::{Aabb, Clip, PrimRef, layout, to_u32};
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Mutex;
-
-/// Larger sets are divided by all threads. The order that this leaves differs from that of one
-/// thread, so the limit is the same for any number of them.
-const SHARED_FROM: usize = 1 << 16;
 
 /// Sets below this size stay on one thread.
 const GRAIN: usize = 1 << 12;
@@ -29,233 +29,122 @@ pub(crate) struct Rule {
     pub(crate) reference_cost: f64,
 }
 
-impl Rule {
-    /// True if a division that costs `cost` and adds `added` references is better than one that
-    /// costs `unsplit` over `len`.
-    pub(crate) fn pays(&self, cost: f64, unsplit: f64, added: usize, len: usize) -> bool {
-        let growth = added as f64 / len as f64;
-        cost < unsplit * (1.0 - self.reference_cost * growth)
-    }
+/// Where the references of all groups are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Groups {
+    pub(crate) groups: Vec<Parts>,
+    /// Runs of references in the order of selection.
+    pub(crate) runs: Vec<Range<u32>>,
+}
 
-    /// C_S < C_O for the sets after a split.
-    pub(crate) fn prefers(&self, split: &[Set; 2], unsplit: &[Set; 2]) -> bool {
-        let count = |sides: &[Set; 2]| sides[0].count + sides[1].count;
-        let len = count(unsplit);
-        split.iter().all(|set| set.count > 0)
-            && self.pays(cost(split), cost(unsplit), count(split).saturating_sub(len), len)
-    }
+/// Where the references of a group are.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Parts {
+    /// Which runs.
+    pub(crate) runs: Range<u32>,
+    /// In the room for halves.
+    pub(crate) room: Range<u32>,
 }
 
 /// A set that may have to be divided.
 pub(crate) struct Task<'a> {
-    /// The references and room for more, which is behind them or, if `at_end`, before them.
-    pub(crate) region: &'a mut [PrimRef],
-    pub(crate) len: usize,
-    pub(crate) at_end: bool,
-    /// Index of the region in the whole array.
-    pub(crate) first: usize,
-    pub(crate) centroids: Aabb,
+    pub(crate) blocks: Vec<Block<'a>>,
+    /// References in blocks.
+    pub(crate) in_blocks: usize,
+    /// `added` more references, then places for more.
+    pub(crate) room: &'a mut [PrimRef],
+    pub(crate) added: usize,
+    /// Place of `room[0]` in the whole room.
+    pub(crate) room_first: usize,
+    /// How many references are in sets before this one, at most: for the order of groups.
+    pub(crate) before: usize,
 }
 
-impl Task<'_> {
-    /// Where the references are in the region.
-    const fn range(&self) -> Range<usize> {
-        let start = if self.at_end { self.region.len() - self.len } else { 0 };
-        start..start + self.len
+impl<'a> Task<'a> {
+    /// All references, in blocks.
+    pub(crate) fn root(blocks: Vec<Block<'a>>, room: &'a mut [PrimRef]) -> Self {
+        let in_blocks = blocks.iter().map(|block| block.prims.len()).sum();
+        Self { blocks, in_blocks, room, added: 0, room_first: 0, before: 0 }
     }
-}
 
-/// The halves of a reference; the box of a half with nothing in it is empty.
-pub(crate) type Halves = [PrimRef; 2];
-
-/// Memory that the sets of one thread share.
-#[derive(Default)]
-struct Scratch {
-    overlapping: Vec<u32>,
-    halves: Vec<Halves>,
-}
-
-/// Bytes that [`run`] allocates at once for a region of `capacity` that has `count` references.
-pub(crate) fn memory_bound(count: usize, capacity: usize) -> usize {
-    let room = capacity - count;
-    // Indices are in lists that double their size, old and new beside each other.
-    let lists = |len: usize| 3 * size_of::<u32>() * len + size_of::<Halves>() * len.min(room);
-    let threads = rayon::current_num_threads();
-    let groups = 3 * size_of::<Range<u32>>() * capacity;
-    lists(capacity).max(threads * lists(capacity.min(SHARED_FROM))) + groups + 65536
-}
-
-/// Partitions the references of `whole`, which stand at the start of `region`; returns the groups
-/// in order.
-pub(crate) fn run<C: Clip + ?Sized>(
-    region: &mut [PrimRef],
-    whole: &Set,
-    rule: &Rule,
-    clip: &C,
-) -> Vec<Range<u32>> {
-    if whole.count == 0 {
-        return Vec::new();
+    pub(crate) const fn len(&self) -> usize {
+        self.in_blocks + self.added
     }
-    let len = whole.count;
-    let root = Task { region, len, at_end: false, first: 0, centroids: whole.centroids() };
-    let (mut large, mut small) = (vec![root], Vec::new());
-    while let Some(task) = large.pop() {
-        if task.len > SHARED_FROM && task.len > rule.group_size {
-            large.extend(shared::step(task, rule, clip));
-        } else {
-            small.push(task);
-        }
-    }
-    let groups = Mutex::new(Vec::new());
-    small.into_par_iter().for_each(|task| {
-        layout::divide(
-            task,
-            GRAIN,
-            |task| task.len,
-            Scratch::default,
-            |task, scratch| {
-                if task.len > rule.group_size {
-                    return Some(step(task, rule, clip, scratch));
-                }
-                let range = task.range();
-                if task.at_end {
-                    // Spreading to the end reverses the order; which of equal primitives comes
-                    // first is to depend on the input alone.
-                    task.region[range.clone()].reverse();
-                }
-                let Range { start, end } = range;
-                let group = to_u32(task.first + start)..to_u32(task.first + end);
-                groups.lock().expect("no holder of the lock can panic").push(group);
-                None
-            },
-        );
-    });
-    let mut groups = groups.into_inner().expect("no holder of the lock can panic");
-    groups.sort_unstable_by_key(|group| group.start);
-    groups
-}
 
-/// Divides a set of at least two references.
-fn step<'a, C: Clip + ?Sized>(
-    task: Task<'a>,
-    rule: &Rule,
-    clip: &C,
-    scratch: &mut Scratch,
-) -> [Task<'a>; 2] {
-    let range = task.range();
-    let Task { region, mut len, at_end, first, centroids } = task;
-    let Some(plane) = Plane::middle(&centroids) else {
-        region.copy_within(range, 0);
-        return share(region, len, first, len / 2, [centroids; 2], copy);
-    };
-    let Scratch { overlapping, halves } = scratch;
-    overlapping.clear();
-    let sides = Sides::measure(&region[range.clone()], plane, overlapping);
-    let mut chosen = sides.unsplit();
-    if may_split(&sides, plane, rule, len, region.len()) {
-        halves.clear();
-        let sets = clip_all(&region[range.clone()], overlapping, plane, clip, halves);
-        let split = sides.split(&sets);
-        if rule.prefers(&split, &chosen) {
-            chosen = split;
-            let added = chosen[0].count + chosen[1].count - len;
-            let (prims, room) = if at_end {
-                let (room, prims) = region.split_at_mut(range.start);
-                (prims, &mut room[range.start - added..])
+    /// Places that are free.
+    pub(crate) const fn free(&self) -> usize {
+        self.room.len() - self.added
+    }
+
+    /// Around the middles of all references.
+    pub(crate) fn midpoints(&self) -> Aabb {
+        let middles = self.room[..self.added].iter().map(|prim| prim.aabb().center());
+        let bounds = self.blocks.iter().map(|block| block.bounds.midpoints);
+        bounds.fold(Aabb::from_points(middles), Aabb::union)
+    }
+
+    /// Halves a set of at least two references by their order.
+    pub(crate) fn halve(mut self) -> [Self; 2] {
+        let added_left = self.added / 2;
+        // Of an odd number the room has fewer on the left, so blocks have more.
+        let mut wanted = self.in_blocks.div_ceil(2);
+        let (mut left, mut right) = (Vec::new(), Vec::new());
+        for block in std::mem::take(&mut self.blocks) {
+            let here = wanted.min(block.prims.len());
+            wanted -= here;
+            if here == block.prims.len() {
+                left.push(block);
+            } else if here == 0 {
+                right.push(block);
             } else {
-                region.split_at_mut(len)
-            };
-            replace(prims, room, overlapping, halves);
-            len += added;
+                let [a, b] = block.split_at(here);
+                left.push(a);
+                right.push(b);
+            }
         }
+        self.share([left, right], added_left)
     }
-    let mut counts = chosen.map(|set| set.count);
-    let mut centroids = chosen.map(|set| set.centroids());
-    if let Some(flip) = spread(region, counts, at_end, plane) {
-        if flip {
-            counts.reverse();
-            centroids.reverse();
-        }
-        return share_spread(region, first, counts, centroids);
+
+    /// Both halves: their blocks, and how many references in the room are on the left.
+    pub(crate) fn share(
+        self,
+        [blocks_left, blocks_right]: [Vec<Block<'a>>; 2],
+        added_left: usize,
+    ) -> [Self; 2] {
+        let in_left = blocks_left.iter().map(|block| block.prims.len()).sum::<usize>();
+        let free_left = share_of(self.free(), in_left + added_left, self.len());
+        let border = added_left + free_left;
+        // Order does not matter: the first of the right side may become its last.
+        let added_right = self.added - added_left;
+        let moved = free_left.min(added_right);
+        let to = added_left + free_left.max(added_right);
+        self.room.copy_within(added_left..added_left + moved, to);
+        let (room_left, room_right) = self.room.split_at_mut(border);
+        [
+            Self {
+                blocks: blocks_left,
+                in_blocks: in_left,
+                room: room_left,
+                added: added_left,
+                room_first: self.room_first,
+                before: self.before,
+            },
+            Self {
+                blocks: blocks_right,
+                in_blocks: self.in_blocks - in_left,
+                room: room_right,
+                added: added_right,
+                room_first: self.room_first + border,
+                before: self.before + in_left + border,
+            },
+        ]
     }
-    let start = if at_end { region.len() - len } else { 0 };
-    region.copy_within(start..start + len, 0);
-    let left = partition(&mut region[..len], plane);
-    share(region, len, first, left, centroids, copy)
 }
 
-/// True if there is something to split, room for it, and a gain that is possible.
-pub(crate) fn may_split(
-    sides: &Sides,
-    plane: Plane,
-    rule: &Rule,
-    len: usize,
-    capacity: usize,
-) -> bool {
-    let added = sides.overlapping();
-    added > 0
-        && added <= capacity - len
-        && rule.pays(sides.least_split_cost(plane), cost(&sides.unsplit()), added, len)
-}
-
-/// Fills an empty list with the halves of the references at the given indices and returns S of both
-/// sides. A half
-/// counts for the side of its middle, which rounding may move to the plane.
-pub(crate) fn clip_all<C: Clip + ?Sized>(
-    prims: &[PrimRef],
-    overlapping: &[u32],
-    plane: Plane,
-    clip: &C,
-    halves: &mut Vec<Halves>,
-) -> [Set; 2] {
-    let mut sets = [Set::EMPTY; 2];
-    if halves.capacity() < overlapping.len() {
-        // Nothing is in it, so nothing need be moved.
-        *halves = Vec::with_capacity(overlapping.len());
-    }
-    halves.extend(overlapping.iter().map(|&index| {
-        let prim = prims[index as usize];
-        let mut halves = clip.clip(&prim, plane.axis, plane.position).map(|half| PrimRef {
-            min: half.min,
-            max: half.max,
-            ..prim
-        });
-        if halves.iter().all(is_empty) {
-            // Nothing of the primitive is in the box, which a builder need not know.
-            halves[0] = prim;
-        }
-        for half in halves.iter().filter(|half| !is_empty(half)) {
-            sets[usize::from(!plane.is_left(half))].add(half);
-        }
-        halves
-    }));
-    sets
-}
-
-pub(crate) fn is_empty(half: &PrimRef) -> bool {
-    half.aabb().is_empty()
-}
-
-/// Puts one half of each reference in its place and the others into `room`; returns how many those
-/// are.
-pub(crate) fn replace(
-    prims: &mut [PrimRef],
-    room: &mut [PrimRef],
-    overlapping: &[u32],
-    halves: &[Halves],
-) -> usize {
-    let mut added = 0;
-    for (&index, halves) in overlapping.iter().zip(halves) {
-        let mut parts = halves.iter().filter(|half| !is_empty(half));
-        if let Some(part) = parts.next() {
-            prims[index as usize] = *part;
-        }
-        if let Some(part) = parts.next() {
-            room[added] = *part;
-            added += 1;
-        }
-    }
-    added
+/// How many of `free` places go to the left side, `left` of `len` references.
+#[expect(clippy::cast_possible_truncation, reason = "at most `free`")]
+const fn share_of(free: usize, left: usize, len: usize) -> usize {
+    (free as u64 * left as u64 / len as u64) as usize
 }
 
 /// Moves references whose middle is left of the plane to the front; returns how many there are.
@@ -272,64 +161,103 @@ pub(crate) fn partition(prims: &mut [PrimRef], plane: Plane) -> usize {
     left
 }
 
-/// Copies from the start of the first slice to the second.
-fn copy(from: &[PrimRef], to: &mut [PrimRef]) {
-    to.copy_from_slice(from);
+/// Divides a set down to groups, in order.
+pub(crate) fn run<C: Clip + ?Sized>(root: Task<'_>, rule: &Rule, clip: &C) -> Groups {
+    let found = Mutex::new((Vec::new(), Vec::new()));
+    layout::divide(root, GRAIN, Task::len, Scratch::default, |task, scratch| {
+        if task.len() > rule.group_size {
+            return Some(step(task, rule, clip, scratch));
+        }
+        if task.len() > 0 {
+            let room = to_u32(task.room_first)..to_u32(task.room_first + task.added);
+            let mut found = found.lock().expect("no holder of the lock can panic");
+            let (groups, runs) = &mut *found;
+            let first_run = runs.len();
+            for block in &task.blocks {
+                let run = block.first..block.first + to_u32(block.prims.len());
+                match runs[first_run..].last_mut() {
+                    Some(Range { end, .. }) if *end == run.start => *end = run.end,
+                    _ => runs.push(run),
+                }
+            }
+            groups.push((
+                to_u32(task.before),
+                Parts { runs: to_u32(first_run)..to_u32(runs.len()), room },
+            ));
+        }
+        None
+    });
+    let (mut groups, runs) = found.into_inner().expect("no holder of the lock can panic");
+    groups.sort_unstable_by_key(|(before, _)| *before);
+    let mut sorted =
+        Groups { groups: Vec::with_capacity(groups.len()), runs: Vec::with_capacity(runs.len()) };
+    for (_, Parts { runs: here, room }) in groups {
+        let first = to_u32(sorted.runs.len());
+        sorted.runs.extend_from_slice(&runs[here.start as usize..here.end as usize]);
+        sorted.groups.push(Parts { runs: first..to_u32(sorted.runs.len()), room });
+    }
+    sorted
 }
 
-/// How many of `free` places go to the left side of a set of `len` references.
-#[expect(clippy::cast_possible_truncation, reason = "at most `free`")]
-const fn free_left(free: usize, left: usize, len: usize) -> usize {
-    (free as u64 * left as u64 / len as u64) as usize
+/// Bytes that [`run`] and the blocks that it is given take at once, of `count` references with
+/// `free` places for more, beside the references.
+pub(crate) fn memory_bound(count: usize, free: usize) -> usize {
+    // At worst every reference is a block; those of a set and of its halves are there at once.
+    let blocks = 2 * size_of::<Block<'_>>() * count;
+    // Lists that grow have their old half beside them.
+    let groups = 3 * (size_of::<(u32, Parts)>() * (count + free) + size_of::<Range<u32>>() * count);
+    blocks + groups + step::memory_bound(count, free)
 }
 
-/// Gives each side its share of the free room, which is between them.
-fn share_spread(
-    region: &mut [PrimRef],
-    first: usize,
-    [left, right]: [usize; 2],
-    [centroids_left, centroids_right]: [Aabb; 2],
-) -> [Task<'_>; 2] {
-    let len = left + right;
-    let border = left + free_left(region.len() - len, left, len);
-    let (a, b) = region.split_at_mut(border);
-    [
-        Task { region: a, len: left, at_end: false, first, centroids: centroids_left },
-        Task {
-            region: b,
-            len: right,
-            at_end: true,
-            first: first + border,
-            centroids: centroids_right,
-        },
-    ]
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_core::TriangleMesh;
+    use proptest::prelude::*;
 
-/// Gives each side its share of the free room; `copy` moves references.
-pub(crate) fn share(
-    region: &mut [PrimRef],
-    len: usize,
-    first: usize,
-    left: usize,
-    centroids: [Aabb; 2],
-    copy: impl FnOnce(&[PrimRef], &mut [PrimRef]),
-) -> [Task<'_>; 2] {
-    let free_left = free_left(region.len() - len, left, len);
-    // Order does not matter: the first of the right side become its last.
-    let right = len - left;
-    let moved = free_left.min(right);
-    let (from, to) = region.split_at_mut(left + right.max(free_left));
-    copy(&from[left..left + moved], &mut to[..moved]);
-    let (a, b) = region.split_at_mut(left + free_left);
-    let [centroids_left, centroids_right] = centroids;
-    [
-        Task { region: a, len: left, at_end: false, first, centroids: centroids_left },
-        Task {
-            region: b,
-            len: right,
-            at_end: false,
-            first: first + left + free_left,
-            centroids: centroids_right,
-        },
-    ]
+    /// The references of each group, sorted.
+    fn groups(mesh: &TriangleMesh, rule: &Rule, block: usize, room: usize) -> Vec<Vec<[u32; 8]>> {
+        let mut prims = mesh.prim_refs();
+        let mut room = vec![PrimRef::new(Aabb::EMPTY, u32::MAX); room];
+        let firsts = (0..).step_by(block);
+        let blocks: Vec<Block<'_>> = prims
+            .chunks_mut(block)
+            .zip(firsts)
+            .map(|(prims, first)| Block::new(prims, first))
+            .collect();
+        let Groups { groups, runs } = run(Task::root(blocks, &mut room), rule, mesh);
+        let within = |range: &Range<u32>| range.start as usize..range.end as usize;
+        let mut result = Vec::new();
+        for Parts { runs: here, room: added } in groups {
+            let runs = runs[within(&here)].iter().flat_map(|run| &prims[within(run)]);
+            let mut group: Vec<[u32; 8]> =
+                runs.chain(&room[within(&added)]).map(|prim| bytemuck::cast(*prim)).collect();
+            group.sort_unstable();
+            result.push(group);
+        }
+        result
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// One block of everything is the paper's method: each set is looked at as a whole and
+        /// partitioned in place.
+        #[test]
+        fn blocks_only_save_work(
+            count in 1_usize..3000,
+            size in 0.01_f32..0.3,
+            seed in 0_u64..1000,
+            block in 1_usize..100,
+            group_size in 1_usize..100,
+            reference_cost in prop::sample::select(vec![0.0, 1.5]),
+            room in 0_usize..4000,
+        ) {
+            let mesh = niwaki_hard_cases::soup_mesh(count, size, seed);
+            let rule = Rule { group_size, reference_cost };
+            let whole = groups(&mesh, &rule, mesh.len(), room);
+            prop_assert!(whole.iter().all(|group| (1..=group_size).contains(&group.len())));
+            prop_assert_eq!(groups(&mesh, &rule, block, room), whole);
+        }
+    }
 }

@@ -35,8 +35,7 @@
 //! All of them have a bound on the references that they add, and give the same bytes on any number
 //! of threads. There are no feature flags.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
+mod blocks;
 mod divide;
 mod early;
 mod edge_volume;
@@ -44,15 +43,15 @@ mod karras_aila;
 mod partition;
 mod pieces;
 mod pre_split;
+mod room;
 mod sets;
-mod shared;
-mod spread;
+mod step;
 mod unite;
 
 pub use early::EarlySplit;
 pub use edge_volume::EdgeVolume;
 pub use karras_aila::KarrasAila;
-pub use partition::{GroupSize, Partition, SplitPartition};
+pub use partition::{Group, GroupSize, Partition, SplitPartition};
 pub use pre_split::{PreSplit, PreSplitter};
 
 #[cfg(doctest)]

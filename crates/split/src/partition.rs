@@ -1,11 +1,11 @@
 //! SAH-guided mid-point split partitioning (thesis paper V, sections 3.2 and 4.1).
 
-use crate::divide::{self, Rule};
-use crate::sets::Set;
+use crate::blocks;
+use crate::divide::{self, Groups, Rule, Task};
+use crate::room::Room;
 use niwaki_core::builder::MAX_PRIMS;
-use niwaki_core::memory::zeroed_in_large_pages;
-use niwaki_core::{Aabb, BoxClip, BuildError, Clip, PrimRef, TriangleMesh, scene_bounds, to_u32};
-use rayon::prelude::*;
+use niwaki_core::midpoint::{Midpoints, Selection, Source, select};
+use niwaki_core::{Aabb, BoxClip, BuildError, Clip, PrimRef, TriangleMesh, scene_bounds};
 use std::ops::Range;
 
 /// Where partitioning ends: the most references of a group.
@@ -66,18 +66,62 @@ impl Default for SplitPartition {
 /// Groups of references, side by side in space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
-    /// Groups with gaps between them.
+    /// A reference for each primitive, neighbours near each other.
     prims: Vec<PrimRef>,
-    groups: Vec<Range<u32>>,
+    /// References that splitting added, with gaps between groups.
+    room: Room,
+    groups: Groups,
     input: usize,
     bounds: Aabb,
+}
+
+/// The references of one group: runs of them in a longer list, and those that splitting added.
+#[derive(Clone, Copy, Debug)]
+pub struct Group<'a> {
+    prims: &'a [PrimRef],
+    runs: &'a [Range<u32>],
+    added: &'a [PrimRef],
+}
+
+impl<'a> Group<'a> {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.parts().map(<[PrimRef]>::len).sum()
+    }
+
+    /// True without any; no group of a [`Partition`] is.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The references in slices.
+    pub fn parts(&self) -> impl Iterator<Item = &'a [PrimRef]> + use<'a> {
+        let Self { prims, runs, added } = *self;
+        runs.iter().map(move |run| &prims[within(run)]).chain(std::iter::once(added))
+    }
+
+    /// All references.
+    pub fn iter(&self) -> impl Iterator<Item = &'a PrimRef> + use<'a> {
+        self.parts().flatten()
+    }
+}
+
+const fn within(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
 }
 
 impl Partition {
     /// The groups in order. Splitting puts the parts of a primitive into different groups, so a
     /// group holds no primitive twice that the input held once.
-    pub fn groups(&self) -> impl ExactSizeIterator<Item = &[PrimRef]> {
-        self.groups.iter().map(|group| &self.prims[group.start as usize..group.end as usize])
+    pub fn groups(&self) -> impl ExactSizeIterator<Item = Group<'_>> {
+        let room = self.room.prims();
+        self.groups.groups.iter().map(move |group| Group {
+            prims: &self.prims,
+            runs: &self.groups.runs[within(&group.runs)],
+            added: &room[within(&group.room)],
+        })
     }
 
     /// The box around all references.
@@ -89,7 +133,7 @@ impl Partition {
     /// References in all groups.
     #[must_use]
     pub fn references(&self) -> usize {
-        self.groups.iter().map(ExactSizeIterator::len).sum()
+        self.groups().map(|group| group.len()).sum()
     }
 
     /// How many of them splitting added.
@@ -98,20 +142,16 @@ impl Partition {
         self.references() - self.input
     }
 
-    /// The references without gaps, group by group.
+    /// The references, group by group.
     #[must_use]
-    pub fn into_prims(mut self) -> Vec<PrimRef> {
-        let mut end = 0;
-        for group in &self.groups {
-            let group = group.start as usize..group.end as usize;
-            let len = group.len();
-            if group.start > end {
-                self.prims.copy_within(group, end);
+    pub fn into_prims(self) -> Vec<PrimRef> {
+        let mut prims = Vec::with_capacity(self.references());
+        for group in self.groups() {
+            for part in group.parts() {
+                prims.extend_from_slice(part);
             }
-            end += len;
         }
-        self.prims.truncate(end);
-        self.prims
+        prims
     }
 }
 
@@ -121,7 +161,7 @@ impl SplitPartition {
     /// # Errors
     /// [`BuildError::TooManyPrimitives`], and [`BuildError::BadSetting`] as the fields say.
     pub fn partition_mesh(&self, mesh: &TriangleMesh) -> Result<Partition, BuildError> {
-        self.run(mesh.len(), |i| PrimRef::new(mesh.triangle(i).bounds(), to_u32(i)), mesh)
+        self.run(mesh, mesh)
     }
 
     /// Partitions boxes of which nothing else is known.
@@ -144,41 +184,31 @@ impl SplitPartition {
     ) -> Result<Partition, BuildError> {
         self.check()?;
         scene_bounds(prims)?;
-        self.run(prims.len(), |i| prims[i], clip)
+        self.run(prims, clip)
     }
 
-    /// Partitions `count` references that are made when they are asked for.
-    fn run<C: Clip + ?Sized>(
+    /// Partitions references that are made when they are asked for.
+    fn run<S: Source + ?Sized, C: Clip + ?Sized>(
         &self,
-        count: usize,
-        prim: impl Fn(usize) -> PrimRef + Sync,
+        source: &S,
         clip: &C,
     ) -> Result<Partition, BuildError> {
-        const CHUNK: usize = 4096;
         self.check()?;
+        let count = source.count();
         if count > MAX_PRIMS {
             return Err(BuildError::TooManyPrimitives { count, max: MAX_PRIMS });
         }
-        let mut prims: Vec<PrimRef> = zeroed_in_large_pages(self.max_references(count));
-        let parts: Vec<Set> = prims[..count]
-            .par_chunks_mut(CHUNK)
-            .enumerate()
-            .map(|(chunk, prims)| {
-                let mut set = Set::EMPTY;
-                for (i, place) in (chunk * CHUNK..).zip(prims) {
-                    *place = prim(i);
-                    set.add(place);
-                }
-                set
-            })
-            .collect();
-        let whole = parts.into_iter().fold(Set::EMPTY, Set::union);
-        let rule = Rule {
-            group_size: self.group_size.of(count),
-            reference_cost: f64::from(self.reference_cost),
-        };
-        let groups = divide::run(&mut prims, &whole, &rule, clip);
-        Ok(Partition { prims, groups, input: count, bounds: whole.bounds() })
+        let midpoints = Midpoints::of(source);
+        let bounds = midpoints.scene;
+        let group_size = self.group_size.of(count);
+        let selection = select(midpoints, group_size);
+        let (mut prims, bounds_of_blocks) = blocks::gather(source, &selection);
+        drop(selection);
+        let mut room = Room::new(self.max_references(count) - count);
+        let root = Task::root(blocks::attach(&mut prims, bounds_of_blocks), room.prims_mut());
+        let rule = Rule { group_size, reference_cost: f64::from(self.reference_cost) };
+        let groups = divide::run(root, &rule, clip);
+        Ok(Partition { prims, room, groups, input: count, bounds })
     }
 
     /// The most references that `count` primitives become.
@@ -191,7 +221,9 @@ impl SplitPartition {
     #[must_use]
     pub fn memory_bound(&self, count: usize) -> usize {
         let capacity = self.max_references(count);
-        size_of::<PrimRef>() * capacity + divide::memory_bound(count, capacity)
+        let dividing =
+            size_of::<PrimRef>() * (capacity + 1) + divide::memory_bound(count, capacity - count);
+        Selection::memory_bound(count).max(dividing)
     }
 
     fn check(&self) -> Result<(), BuildError> {

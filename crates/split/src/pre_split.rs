@@ -47,6 +47,7 @@ impl PreSplitter for SplitPartition {
     }
 
     fn memory_bound(&self, count: usize) -> usize {
+        // The list without gaps takes less than what partitioning has released by then.
         self.memory_bound(count)
     }
 }

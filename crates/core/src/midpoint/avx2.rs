@@ -1,9 +1,9 @@
 //! The partition of midpoints on 256-bit registers, the counterpart of the loop in
-//! [`crate::partition::partition`]: two midpoints at a time.
+//! [`super::partition::partition`]: two midpoints at a time.
 
-use crate::partition::Running;
-use crate::source::Midpoint;
-use niwaki_core::glam::Vec4;
+use super::Midpoint;
+use super::partition::Running;
+use glam::Vec4;
 use std::arch::x86_64::{
     __m256, __m256i, _CMP_LT_OQ, _mm_max_ps, _mm_min_ps, _mm256_castps_si256,
     _mm256_castps256_ps128, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_extractf128_ps,
@@ -46,7 +46,7 @@ fn join(min: __m256, max: __m256) -> (Vec4, Vec4) {
 /// # Safety
 /// The machine has AVX2, `target` is as long as `source`, and `axis < 3`.
 #[target_feature(enable = "avx2")]
-pub(crate) unsafe fn partition(
+pub(super) unsafe fn partition(
     source: &[Midpoint],
     target: &mut [Midpoint],
     axis: usize,

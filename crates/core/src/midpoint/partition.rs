@@ -1,23 +1,42 @@
 //! Splits a list of midpoints at a plane.
 
-use crate::source::Midpoint;
-use niwaki_build_sweep::Kernel;
-use niwaki_core::{Aabb, glam::Vec4};
+use super::Midpoint;
+use crate::Aabb;
+use glam::Vec4;
 use rayon::prelude::*;
+
+/// Which loop runs; all give the same result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kernel {
+    Scalar,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Kernel {
+    /// The fastest of this machine.
+    pub(super) fn best() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return Self::Avx2;
+        }
+        Self::Scalar
+    }
+}
 
 /// What a partition finds out on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sides {
+pub(super) struct Sides {
     /// How many midpoints went to the front.
-    pub(crate) left: usize,
+    pub(super) left: usize,
     /// Around the midpoints of each side; [`Aabb::EMPTY`] for a side without any.
-    pub(crate) bounds: [Aabb; 2],
+    pub(super) bounds: [Aabb; 2],
 }
 
 /// The running bounds of both sides. Fourth components are indices and have no meaning as numbers.
-pub(crate) struct Running {
-    pub(crate) min: [Vec4; 2],
-    pub(crate) max: [Vec4; 2],
+pub(super) struct Running {
+    pub(super) min: [Vec4; 2],
+    pub(super) max: [Vec4; 2],
 }
 
 impl Running {
@@ -34,7 +53,7 @@ impl Running {
 ///
 /// # Panics
 /// If the lengths differ or there is no such axis.
-pub(crate) fn partition(
+pub(super) fn partition(
     kernel: Kernel,
     source: &[Midpoint],
     target: &mut [Midpoint],
@@ -48,7 +67,7 @@ pub(crate) fn partition(
     if kernel == Kernel::Avx2 && std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: the machine has AVX2, lengths are equal and the axis exists.
         (left, right) =
-            unsafe { crate::avx2::partition(source, target, axis, plane, &mut running) };
+            unsafe { super::avx2::partition(source, target, axis, plane, &mut running) };
     }
     let out = target.as_mut_ptr();
     for item in &source[source.len() - (right - left)..] {
@@ -77,7 +96,7 @@ const CHUNK: usize = 1 << 14;
 ///
 /// # Panics
 /// As [`partition`].
-pub(crate) fn partition_parallel(
+pub(super) fn partition_parallel(
     kernel: Kernel,
     items: &mut [Midpoint],
     spare: &mut [Midpoint],
@@ -111,7 +130,7 @@ pub(crate) fn partition_parallel(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use niwaki_core::glam::Vec3;
+    use glam::Vec3;
     use proptest::prelude::*;
 
     const BLANK: Midpoint = Midpoint { center: [0.0; 3], index: u32::MAX };
@@ -139,7 +158,7 @@ mod tests {
                 Aabb::from_points(items.iter().map(|item| Vec3::from_array(item.center)))
             };
             let expected = Sides { left: front.len(), bounds: [around(&front), around(&back)] };
-            for kernel in Kernel::available() {
+            for kernel in [Kernel::Scalar, Kernel::best()] {
                 let mut target = vec![BLANK; items.len()];
                 prop_assert_eq!(partition(kernel, &items, &mut target, axis, plane), expected);
                 prop_assert!(target.iter().eq(front.iter().copied().chain(back.iter().rev().copied())));
