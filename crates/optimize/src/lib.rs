@@ -39,7 +39,8 @@
 //! | [`refit`], [`RefitRotations`] | new positions; Kopta et al. 2012 | leaves and subtrees in parallel |
 //!
 //! [`Optimizer`] is what passes have in common: budget in, [`Report`] out, never a worse tree.
-//! [`Chain`] runs several in turn; [`Optimized`] puts a builder in front. Passes work on the boxes
+//! [`Chain`] runs several in turn; [`Optimized`] puts a builder in front; [`Cheapest`] keeps the
+//! best tree of several builders. Passes work on the boxes
 //! of leaves, not of primitives, so trees with split primitives stay valid and tight; only
 //! [`refit`] cannot keep such boxes. They move whole leaves: build with one primitive a leaf and
 //! merge leaves last for the best trees.
@@ -51,6 +52,7 @@
 mod annealing;
 mod bottom_up;
 mod budget;
+mod cheapest;
 mod collapse;
 mod error;
 mod insertion;
@@ -68,6 +70,7 @@ mod treelet;
 
 pub use annealing::Annealing;
 pub use budget::{Budget, Report};
+pub use cheapest::Cheapest;
 pub use collapse::CollapseLeaves;
 pub use error::OptimizeError;
 pub use insertion::Insertion;

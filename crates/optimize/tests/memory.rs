@@ -7,7 +7,9 @@ use niwaki_build_sweep::Sweep;
 use niwaki_core::Builder;
 use niwaki_hard_cases::counting::{Counting, peak};
 use niwaki_hard_cases::{median_tree, soup_mesh};
-use niwaki_optimize::{Chain, CollapseLeaves, OnSingleLeaves, Optimized, Optimizer, Reinsertion};
+use niwaki_optimize::{
+    Chain, Cheapest, CollapseLeaves, OnSingleLeaves, Optimized, Optimizer, Reinsertion,
+};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -41,8 +43,16 @@ fn bounds_hold_and_are_tight() {
                 }
             }
             let builder = Optimized::new(Sweep::default(), Reinsertion::default());
-            let (_, peak) = peak(|| builder.build_mesh(&mesh).unwrap());
-            assert!(peak <= builder.memory_bound(count), "{peak}");
+            let (_, most) = peak(|| builder.build_mesh(&mesh).unwrap());
+            assert!(most <= builder.memory_bound(count), "{most}");
+            let single = Sweep { max_leaf_size: 1, ..Sweep::default() };
+            for builder in [
+                Cheapest::new(Sweep::default(), 1.0).or(single, 1.0),
+                Cheapest::new(single, 1.0).or(Sweep::default(), 1.0),
+            ] {
+                let (_, most) = peak(|| builder.build_mesh(&mesh).unwrap());
+                assert!(most <= builder.memory_bound(count), "{}: {most}", builder.name());
+            }
         }
     });
 }

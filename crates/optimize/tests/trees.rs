@@ -6,12 +6,12 @@ mod common;
 use common::{passes, same_bytes, single, split_tree};
 use niwaki_build_sweep::Sweep;
 use niwaki_core::glam::Vec3;
-use niwaki_core::{Aabb, Builder, Bvh, BvhNode, SahConstants, TriangleMesh, to_u32};
+use niwaki_core::{Aabb, BuildError, Builder, Bvh, BvhNode, SahConstants, TriangleMesh, to_u32};
 use niwaki_hard_cases::{median_tree, soup_mesh};
 use niwaki_metrics::{sah, validate};
 use niwaki_optimize::{
-    Annealing, Budget, Chain, CollapseLeaves, Insertion, OnSingleLeaves, OptimizeError, Optimized,
-    Optimizer, Prune, Reinsertion, Rotations, Treelets, split_leaves,
+    Annealing, Budget, Chain, Cheapest, CollapseLeaves, Insertion, OnSingleLeaves, OptimizeError,
+    Optimized, Optimizer, Prune, Reinsertion, Rotations, Treelets, split_leaves,
 };
 use proptest::prelude::*;
 use std::time::Duration;
@@ -364,6 +364,34 @@ fn chains_of_passes_and_optimized_builders() {
     assert!(failing.optimize(&mut same).is_err());
     assert_eq!(same, tree);
     assert_eq!(Chain::new(Vec::new()).optimize(&mut same), Ok(niwaki_optimize::Report::default()));
+}
+
+#[test]
+fn the_cheapest_of_several_trees_is_kept() {
+    let mesh = mixed_soup(3000);
+    let bad = || Sweep { max_leaf_size: 1, ..Sweep::default() };
+    let good = || Sweep::default();
+    let expected = good().build_mesh(&mesh).unwrap();
+    assert!(cost(&expected) < cost(&bad().build_mesh(&mesh).unwrap()));
+    let builders =
+        [Cheapest::new(bad(), 1.0).or(good(), 1.0), Cheapest::new(good(), 1.0).or(bad(), 1.0)];
+    for builder in builders {
+        assert_eq!(builder.name(), "sweep|sweep");
+        assert!(same_bytes(&builder.build_mesh(&mesh).unwrap(), &expected));
+        assert!(same_bytes(&builder.build(&mesh.prim_refs()).unwrap(), &expected));
+        // By constants of which inner nodes cost nothing, small leaves are the best.
+        let triangles = SahConstants { inner: 0.0, leaf: 0.0, triangle: 1.0 };
+        let other = builder.with_constants(triangles).build_mesh(&mesh).unwrap();
+        assert!(same_bytes(&other, &bad().build_mesh(&mesh).unwrap()));
+    }
+    // The first of equals, and what fails, fails.
+    let empty = Cheapest::new(bad(), 1.0).or(good(), 1.0).build(&[]).unwrap();
+    assert!(empty.nodes.is_empty());
+    for (prims, index) in niwaki_hard_cases::bad_prim_refs() {
+        let error = Cheapest::new(bad(), 1.0).or(good(), 1.0).build(&prims).unwrap_err();
+        let BuildError::NonFiniteBounds { index: found, .. } = error else { panic!("{error}") };
+        assert_eq!(found, index);
+    }
 }
 
 #[test]

@@ -3,8 +3,10 @@
 use crate::CostModel;
 use niwaki_build_bonsai::Bonsai;
 use niwaki_build_lbvh::Lbvh;
+use niwaki_build_sbvh::Sbvh;
 use niwaki_core::{BuildError, Builder, Bvh, PrimRef, TriangleMesh};
-use niwaki_optimize::{Budget, Chain, CollapseLeaves, Insertion, Optimized, Reinsertion};
+use niwaki_optimize::{Budget, Chain, Cheapest, CollapseLeaves, Optimized, Reinsertion};
+use niwaki_split::{PreSplit, SlackSplit};
 
 /// A builder by how much quality is wanted: each builds better trees than the one before, and
 /// takes longer. Ordered from fast to good.
@@ -18,11 +20,13 @@ pub enum Preset {
     Fast,
     /// [`Bonsai::bonsai_p`] and one round of [`Reinsertion`] of the subtrees that matter most.
     Balanced,
-    /// [`Bonsai::bonsai_p`] with one triangle a leaf, eight rounds of [`Reinsertion`], and leaves
-    /// where they cost least ([`CollapseLeaves`]).
+    /// Large triangles split where that saves most ([`SlackSplit`]), [`Bonsai::bonsai_p`] with one
+    /// reference a leaf, eight rounds of [`Reinsertion`], and leaves where they cost least
+    /// ([`CollapseLeaves`]).
     High,
-    /// As [`Preset::High`] with [`Insertion`] first, which finds what single moves do not, and
-    /// twice the rounds: for trees that are kept.
+    /// Two trees, one as in [`Preset::High`] and one by [`Sbvh`], each after two rounds of
+    /// [`Reinsertion`]; the one of lower cost ([`Cheapest`]) gets twelve more and its leaves merged:
+    /// for trees that are kept.
     Best,
 }
 
@@ -62,23 +66,32 @@ impl Preset {
             budget: Budget::iterations(iterations),
             ..Reinsertion::default()
         };
-        let single_leaves = Bonsai { max_leaf_size: 1, ..Bonsai::bonsai_p() };
+        let split = SlackSplit::default();
+        let references = 1.0 + f64::from(split.max_extra);
+        let single_leaves =
+            || PreSplit::new(Bonsai { max_leaf_size: 1, ..Bonsai::bonsai_p() }, split);
+        let then_collapse =
+            |pass: Reinsertion| Chain::new(vec![Box::new(pass), Box::<CollapseLeaves>::default()]);
         match self {
             Self::Fastest => Box::new(Lbvh::default()),
             Self::Fast => Box::new(Bonsai::bonsai_p()),
             Self::Balanced => Box::new(Optimized::new(Bonsai::bonsai_p(), reinsertion(1))),
-            Self::High => Box::new(Optimized::new(
-                single_leaves,
-                Chain::new(vec![Box::new(reinsertion(8)), Box::<CollapseLeaves>::default()]),
-            )),
-            Self::Best => Box::new(Optimized::new(
-                single_leaves,
-                Chain::new(vec![
-                    Box::<Insertion>::default(),
-                    Box::new(reinsertion(16)),
-                    Box::<CollapseLeaves>::default(),
-                ]),
-            )),
+            Self::High => Box::new(
+                Optimized::new(single_leaves(), then_collapse(reinsertion(8)))
+                    .with_references_per_prim(references),
+            ),
+            Self::Best => {
+                let few_splits = Optimized::new(single_leaves(), reinsertion(2))
+                    .with_references_per_prim(references);
+                let sbvh = Sbvh { max_leaf_size: 1, alpha: 1e-3, ..Sbvh::default() };
+                let most = f64::from(sbvh.max_references);
+                let spatial = Optimized::new(sbvh, reinsertion(2)).with_references_per_prim(most);
+                let start = Cheapest::new(few_splits, references).or(spatial, most);
+                Box::new(
+                    Optimized::new(start, then_collapse(reinsertion(12)))
+                        .with_references_per_prim(most.max(references)),
+                )
+            }
         }
     }
 }

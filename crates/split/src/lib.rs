@@ -30,6 +30,7 @@
 //! | [`EarlySplit`] | Ernst and Greiner 2007: boxes over a surface area |
 //! | [`EdgeVolume`] | Dammertz and Keller 2008: edges over a volume |
 //! | [`KarrasAila`] | Karras and Aila 2013: priorities within a budget |
+//! | [`SlackSplit`] | obvhs: large boxes whose parts have far smaller boxes |
 //! | [`PreSplit`] | any builder behind any [`PreSplitter`]: `sweep_pre`, `binned_ka`, … |
 //!
 //! All of them have a bound on the references that they add, and give the same bytes on any number
@@ -45,6 +46,7 @@ mod pieces;
 mod pre_split;
 mod room;
 mod sets;
+mod slack;
 mod step;
 mod unite;
 
@@ -53,6 +55,7 @@ pub use edge_volume::EdgeVolume;
 pub use karras_aila::KarrasAila;
 pub use partition::{Group, GroupSize, Partition, SplitPartition};
 pub use pre_split::{PreSplit, PreSplitter};
+pub use slack::SlackSplit;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,7 +4,7 @@ use niwaki_hard_cases::counting;
 
 use niwaki_core::glam::Vec3;
 use niwaki_core::{Triangle, TriangleMesh};
-use niwaki_split::{EarlySplit, EdgeVolume, KarrasAila, PreSplitter, SplitPartition};
+use niwaki_split::{EarlySplit, EdgeVolume, KarrasAila, PreSplitter, SlackSplit, SplitPartition};
 
 #[global_allocator]
 static ALLOCATOR: counting::Counting = counting::Counting;
@@ -29,13 +29,21 @@ fn peaks_stay_within_the_bounds() {
         diagonals(20_000),
         diagonals(70_000),
     ];
-    let splitters: [Box<dyn PreSplitter>; 6] = [
+    let splitters: [Box<dyn PreSplitter>; 8] = [
         Box::new(SplitPartition::default()),
         Box::new(SplitPartition { max_extra: 0.1, ..SplitPartition::default() }),
         Box::new(SplitPartition { max_extra: 3.0, ..SplitPartition::default() }),
         Box::new(EarlySplit { max_area: 1e-7, max_extra: 0.5 }),
         Box::new(EdgeVolume { max_volume: 1e-9, max_extra: 0.5 }),
         Box::new(KarrasAila::default()),
+        Box::new(SlackSplit::default()),
+        Box::new(SlackSplit {
+            max_ratio: 1.0,
+            max_ratio_largest: 1.0,
+            min_area: 1e-2,
+            planes: 1,
+            ..SlackSplit::default()
+        }),
     ];
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     for mesh in &meshes {

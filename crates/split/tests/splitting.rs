@@ -8,13 +8,19 @@ use niwaki_core::{
 };
 use niwaki_metrics::validate;
 use niwaki_split::{
-    EarlySplit, EdgeVolume, GroupSize, KarrasAila, PreSplit, PreSplitter, SplitPartition,
+    EarlySplit, EdgeVolume, GroupSize, KarrasAila, PreSplit, PreSplitter, SlackSplit,
+    SplitPartition,
 };
 use proptest::prelude::*;
 
 /// Small groups bring every step into play for small meshes.
 fn partition() -> SplitPartition {
     SplitPartition { group_size: GroupSize::Fixed(8), ..SplitPartition::default() }
+}
+
+/// Splits whatever has two parts that are not larger than the whole.
+fn any_slack() -> SlackSplit {
+    SlackSplit { max_ratio: 1.0, max_ratio_largest: 1.0, ..SlackSplit::default() }
 }
 
 fn splitters() -> Vec<Box<dyn PreSplitter>> {
@@ -28,6 +34,8 @@ fn splitters() -> Vec<Box<dyn PreSplitter>> {
         Box::new(EdgeVolume { max_volume: 1e-10, max_extra: 3.0 }),
         Box::new(KarrasAila::default()),
         Box::new(KarrasAila { max_extra: 4.0 }),
+        Box::new(SlackSplit::default()),
+        Box::new(SlackSplit { min_area: 0.01, planes: 1, max_extra: 3.0, ..any_slack() }),
     ]
 }
 
@@ -145,6 +153,7 @@ fn where_everything_wants_to_split_the_bound_holds() {
             &EarlySplit { max_area: 1e-7, max_extra } as &dyn PreSplitter,
             &EdgeVolume { max_volume: 1e-9, max_extra },
             &KarrasAila { max_extra },
+            &SlackSplit { min_area: 1e-3, planes: 1, max_extra, ..any_slack() },
         ] {
             let prims = check(splitter, &mesh, "diagonals");
             let used = prims.len() as f64 / bound;
@@ -161,6 +170,29 @@ fn karras_and_aila_spend_their_budget() {
         let spent = (prims.len() - mesh.len()) as f32 / (mesh.len() as f32 * max_extra);
         assert!(spent > 0.8, "{spent} of {max_extra}");
     }
+}
+
+#[test]
+fn slack_is_split_off_and_nothing_else() {
+    // Small triangles set the mean; then one across the scene, and a wall as large.
+    let mut triangles = niwaki_hard_cases::soup(1000, 0.01, 5);
+    let (low, high) = (Vec3::ZERO, Vec3::splat(10.0));
+    triangles.push(Triangle::new(low, high, high - Vec3::new(0.1, 0.0, 0.0)));
+    triangles.push(Triangle::new(low, Vec3::new(10.0, 0.0, 0.0), Vec3::new(0.0, 10.0, 0.0)));
+    let mesh = TriangleMesh::from_triangles(&triangles).unwrap();
+    let splitter = SlackSplit::default();
+    let prims = check(&splitter, &mesh, "two large triangles");
+    let of = |id: u32| prims.iter().filter(move |p| p.prim_id == id);
+    assert!(of(1000).count() > 8);
+    let area = |id: u32| of(id).map(|p| p.aabb().area()).sum::<f64>();
+    assert!(area(1000) < 0.1 * mesh.triangle(1000).bounds().area());
+    assert!((0..1000).chain([1001]).all(|id| of(id).count() == 1));
+    // The parts of full boxes have no less area.
+    let boxes = mesh.prim_refs();
+    assert_eq!(splitter.split_boxes(&boxes), Ok(boxes));
+    // Nothing stands out of an even tessellation, however slack its boxes are.
+    let even = niwaki_hard_cases::sheet(50, |x, y| Vec3::new(x as f32, y as f32, (x + y) as f32));
+    assert_eq!(splitter.split_mesh(&even), Ok(even.prim_refs()));
 }
 
 #[test]
@@ -181,6 +213,7 @@ fn bytes_do_not_depend_on_threads() {
     same(&EarlySplit::default(), &mesh);
     same(&EdgeVolume::default(), &mesh);
     same(&KarrasAila::default(), &mesh);
+    same(&SlackSplit { min_area: 0.5, ..SlackSplit::default() }, &mesh);
 }
 
 #[test]
@@ -259,7 +292,7 @@ fn bad_input_is_named() {
             assert!(matches!(error, BuildError::NonFiniteBounds { index: i, .. } if i == index));
         }
     }
-    let bad: [(Box<dyn PreSplitter>, &str); 9] = [
+    let bad: [(Box<dyn PreSplitter>, &str); 15] = [
         (Box::new(SplitPartition { max_extra: -1.0, ..partition() }), "max_extra"),
         (Box::new(SplitPartition { max_extra: f32::NAN, ..partition() }), "max_extra"),
         (Box::new(SplitPartition { reference_cost: -0.5, ..partition() }), "reference_cost"),
@@ -269,6 +302,12 @@ fn bad_input_is_named() {
         (Box::new(EdgeVolume { max_volume: f32::NAN, max_extra: 1.0 }), "max_volume"),
         (Box::new(EdgeVolume { max_volume: 1e-30, max_extra: 1.0 }), "max_volume"),
         (Box::new(KarrasAila { max_extra: -0.1 }), "max_extra"),
+        (Box::new(SlackSplit { max_ratio: 0.0, ..SlackSplit::default() }), "max_ratio"),
+        (Box::new(SlackSplit { max_ratio: 1.1, ..SlackSplit::default() }), "max_ratio"),
+        (Box::new(SlackSplit { max_ratio_largest: f32::NAN, ..any_slack() }), "max_ratio_largest"),
+        (Box::new(SlackSplit { min_area: f32::NAN, ..SlackSplit::default() }), "min_area"),
+        (Box::new(SlackSplit { planes: 0, ..SlackSplit::default() }), "planes"),
+        (Box::new(SlackSplit { max_extra: -0.1, ..SlackSplit::default() }), "max_extra"),
     ];
     for (splitter, name) in bad {
         let error = splitter.split_mesh(&TriangleMesh::default()).unwrap_err();
@@ -333,6 +372,7 @@ proptest! {
             &EarlySplit { max_area: 1e-3, max_extra } as &dyn PreSplitter,
             &EdgeVolume { max_volume: 1e-5, max_extra },
             &KarrasAila { max_extra },
+            &SlackSplit { min_area: 1e-3, planes: 1, max_extra, ..any_slack() },
         ] {
             check(splitter, &mesh, "any triangles");
         }
