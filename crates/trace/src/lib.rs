@@ -35,16 +35,19 @@ mod counts;
 mod error;
 mod kernel;
 mod kernels;
+mod mode;
 mod scale;
 mod setup;
 mod triangle;
+mod watertight;
 mod wide;
 
 pub use binary::BinaryScene;
-pub use brute::{brute_force, brute_force_any};
+pub use brute::{brute_force, brute_force_any, brute_force_in};
 pub use counts::Counts;
 pub use error::SceneError;
 pub use kernel::Kernel;
+pub use mode::Mode;
 pub use wide::WideScene;
 
 #[cfg(doctest)]

@@ -120,6 +120,12 @@ pub(crate) struct Slabs {
 impl Slabs {
     #[inline(always)]
     pub(crate) fn new(ray: &RaySetup, magnitude: f32) -> Self {
+        Self::padded(ray, magnitude, 0.0)
+    }
+
+    /// Slabs of boxes that are larger by `more` in every direction, besides.
+    #[inline(always)]
+    pub(crate) fn padded(ray: &RaySetup, magnitude: f32, more: f32) -> Self {
         // Twice the bound above, which also covers forming the offsets themselves.
         const PAD: f32 = 4.0 * f32::EPSILON;
         // A component 2⁻⁶⁰ of the longest moves the ray by less than the pad over the whole
@@ -130,7 +136,7 @@ impl Slabs {
         let least = length.max_element() * f32::from_bits((127 - 60) << 23);
         let inverse = length.max(Vec3A::splat(least)).recip().copysign(direction);
         let offset = origin * -inverse;
-        let pad = (origin.abs() + magnitude) * inverse.abs() * PAD;
+        let pad = ((origin.abs() + magnitude) * PAD + more) * inverse.abs();
         let (mut near_offset, mut far_offset) = (offset - pad, offset + pad);
         if ray.is_extreme {
             // Finite limits keep ∞ − ∞ out of the test of empty slots.
