@@ -84,8 +84,9 @@ pub(crate) struct BenchArgs {
                           "bounce4", "all"])]
     pub(crate) rays: Vec<String>,
 
-    /// Our traversal kernels, comma-separated: scalar, avx2, avx512 [default: the fastest that
-    /// this processor has]
+    /// Our traversal kernels, comma-separated: scalar, avx2, avx512, each of these with _watertight
+    /// behind it, or watertight for the fastest such. With a watertight one, Embree's robust mode
+    /// is measured too [default: the fastest that this processor has]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) kernels: Vec<String>,
 

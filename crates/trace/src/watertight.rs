@@ -42,7 +42,7 @@ use crate::{
     scale::SceneScale,
     setup::{RaySetup, Slabs},
 };
-use niwaki_core::{Hit, glam::Vec3};
+use niwaki_core::{Hit, glam::Vec3, glam::Vec3A};
 
 /// Edge functions of at least this magnitude have the right sign.
 pub(crate) const CERTAIN: f32 = f32::from_bits((127 - 100) << 23);
@@ -158,19 +158,31 @@ pub(crate) fn decide(corners: [f32; 9], along: f32) -> Option<Hit> {
 /// is projected to x' = fl(x − s·z), with x = fl(v.x − o.x), z = fl(v.z − o.z) and s = fl(d.x/d.z),
 /// |s| ≤ 1: the four roundings amount to at most (1 + 1 + 1 + 2)·u·L to first order. If p is the
 /// point of the triangle whose weights are the exact edge functions of the rounded projections,
-/// where x' is zero, then p.x − o.x and (p.z − o.z)·d.x/d.z therefore differ by at most 5u·L.
-/// The distance t is Σ|w|z / (Σ|w|·d.z), with 2u in each weight twice, 3u for the sum of products, 2u
-/// for the sum of weights, u for z, the last product and the quotient each: t·d.z is within 12u·L of
-/// p.z − o.z. Together, the ray at the computed t is within 17u·L of p in every axis.
+/// where x' is zero, then p.x − o.x and (p.z − o.z)·d.x/d.z therefore differ by at most 5u·L: the
+/// ray at p's own t is within that of p. The computed t is Σ|w|z / (Σ|w|·d.z), with 2u in each
+/// weight twice, 3u for the sum of products, 2u for the sum of weights, u for z, the last product and
+/// the quotient each: t·d.z is within 12u·L of p.z − o.z, and the ray at the computed t within
+/// 17u·L of p in every axis.
 ///
-/// So with this much more in the offsets of the slabs, beside what their own arithmetic needs
-/// ([`Slabs::new`]), every box that contains p is entered at or before the computed t and left at
-/// or after it. Traversal then finds what testing every triangle finds, to the last bit, whatever
-/// the tree: split triangles too, as p lies in the box of one of the parts.
+/// The slabs' own arithmetic errs by less than u·(2M + 4|o|) for coordinates up to M ([`Slabs::new`]
+/// has the terms). With that and 5u·L in the offsets, every box that contains p is entered before
+/// it is left; with that and 17u·L in those of the planes where the ray enters, it is also
+/// entered no later than at the computed t, so that no hit found before hides it. Traversal
+/// therefore finds what testing every triangle finds, to the last bit, whatever the tree, except
+/// where p lies before `t_min` and the computed t not. That holds for split triangles too, as p
+/// lies in the box of one of the parts.
+///
+/// The planes where the ray leaves get no more than they must, because bounce rays start on a
+/// surface that every box behind them touches.
 #[inline(always)]
 pub(crate) fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
-    // 20u: the remainder covers the terms of second order and forming the offsets.
-    const PAD: f32 = 10.0 * f32::EPSILON;
-    let reach = (scale.bounds.max - ray.origin).abs().max((scale.bounds.min - ray.origin).abs());
-    Slabs::padded(ray, scale.magnitude, PAD * reach.max_element())
+    // Each a little more, for the terms of second order and forming the offsets.
+    const OWN: f32 = 2.5 * f32::EPSILON; // 5u
+    const NEAR: f32 = 9.0 * f32::EPSILON; // 18u
+    const FAR: f32 = 3.0 * f32::EPSILON; // 6u
+    let origin = Vec3A::from(ray.origin);
+    let (min, max) = (Vec3A::from(scale.bounds.min), Vec3A::from(scale.bounds.max));
+    let reach = (max - origin).abs().max((min - origin).abs()).max_element();
+    let own = (origin.abs() + scale.magnitude) * OWN;
+    Slabs::padded(ray, own + reach * NEAR, own + reach * FAR)
 }

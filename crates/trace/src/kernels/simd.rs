@@ -47,6 +47,8 @@ macro_rules! define_traversal {
             det: Floats,
             /// The first reference.
             first: usize,
+            /// Some lane could not be decided; never so if asked to take care.
+            doubt: bool,
         }
 
         impl Lanes {
@@ -97,7 +99,12 @@ macro_rules! define_traversal {
             /// `word` must be a leaf of the scene whose triangles are given.
             #[target_feature(enable = $features)]
             #[inline]
-            unsafe fn leaf(&self, triangles: *const f32, word: u32, t_max: Floats) -> LeafHits {
+            unsafe fn leaf<const CAREFUL: bool>(
+                &self,
+                triangles: *const f32,
+                word: u32,
+                t_max: Floats,
+            ) -> LeafHits {
                 let first = (word & ((1 << SHIFT) - 1)) as usize;
                 let count = (word >> SHIFT & LANE) + 1;
                 // SAFETY: nine rows of as many words begin here; the last row's vector ends at
@@ -105,7 +112,7 @@ macro_rules! define_traversal {
                 // its end.
                 let base = unsafe { triangles.add(WORDS * first) };
                 // SAFETY: as just said.
-                unsafe { self.corners.test(base, first, count, self.t_min, t_max) }
+                unsafe { self.corners.test::<CAREFUL>(base, first, count, self.t_min, t_max) }
             }
         }
 
@@ -140,6 +147,25 @@ macro_rules! define_traversal {
         /// The processor must have the instructions, and the scene nodes.
         #[target_feature(enable = $features)]
         pub(crate) unsafe fn closest(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+            // SAFETY: the same promise.
+            unsafe { closest_as::<false>(scene, setup) }
+        }
+
+        /// As [`closest`], from the start, for a ray that met a triangle that needs care.
+        ///
+        /// That is a traversal of its own, and not a call where the care is needed, because
+        /// around a call in the loop the compiler would move every register to memory and back.
+        #[target_feature(enable = $features)]
+        #[cold]
+        #[inline(never)]
+        unsafe fn closest_with_care(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+            // SAFETY: the same promise.
+            unsafe { closest_as::<true>(scene, setup) }
+        }
+
+        #[target_feature(enable = $features)]
+        #[inline]
+        unsafe fn closest_as<const CAREFUL: bool>(scene: &Layout<W>, setup: &RaySetup) -> Hit {
             let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -208,7 +234,11 @@ macro_rules! define_traversal {
                 }
                 if word.cast_signed() < 0 {
                     // SAFETY: the word of a leaf of this scene.
-                    let hits = unsafe { ray.leaf(triangles, word, t_max) };
+                    let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
+                    if hits.doubt {
+                        // SAFETY: the same promise.
+                        return unsafe { closest_with_care(scene, setup) };
+                    }
                     let mut mask = hits.mask;
                     while mask != 0 {
                         let i = mask.trailing_zeros();
@@ -253,6 +283,22 @@ macro_rules! define_traversal {
         /// As for [`closest`].
         #[target_feature(enable = $features)]
         pub(crate) unsafe fn any(scene: &Layout<W>, setup: &RaySetup) -> bool {
+            // SAFETY: the same promise.
+            unsafe { any_as::<false>(scene, setup) }
+        }
+
+        /// As [`any`], for a ray that met a triangle that needs care.
+        #[target_feature(enable = $features)]
+        #[cold]
+        #[inline(never)]
+        unsafe fn any_with_care(scene: &Layout<W>, setup: &RaySetup) -> bool {
+            // SAFETY: the same promise.
+            unsafe { any_as::<true>(scene, setup) }
+        }
+
+        #[target_feature(enable = $features)]
+        #[inline]
+        unsafe fn any_as<const CAREFUL: bool>(scene: &Layout<W>, setup: &RaySetup) -> bool {
             let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -276,9 +322,16 @@ macro_rules! define_traversal {
                         store_ints(stack.add(depth).cast(), hit);
                     }
                     depth += mask.count_ones() as usize;
-                // SAFETY: the word of a leaf of this scene.
-                } else if unsafe { ray.leaf(triangles, word, t_max) }.mask != 0 {
-                    return true;
+                } else {
+                    // SAFETY: the word of a leaf of this scene.
+                    let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
+                    if hits.mask != 0 {
+                        return true;
+                    }
+                    if hits.doubt {
+                        // SAFETY: the same promise.
+                        return unsafe { any_with_care(scene, setup) };
+                    }
                 }
                 if depth == 0 {
                     return false;

@@ -32,7 +32,7 @@ macro_rules! define_fast_corners {
             /// Nine rows of `count` words and a vector more must be readable at `base`.
             #[target_feature(enable = $features)]
             #[inline]
-            unsafe fn test(
+            unsafe fn test<const CAREFUL: bool>(
                 &self,
                 base: *const f32,
                 first: usize,
@@ -69,13 +69,13 @@ macro_rules! define_fast_corners {
                     & hit_mask(add(u, v), det)
                     & _bzhi_u32(u32::MAX, count);
                 if inside == 0 {
-                    return LeafHits { mask: 0, t: zeros, u, v, det, first };
+                    return LeafHits { mask: 0, t: zeros, u, v, det, first, doubt: false };
                 }
                 let t = div(xor(dot(n3, [cx, cy, cz]), sign), det);
                 let in_range = hit_mask(t_min, t) & hit_mask(t, t_max);
                 // 0 < det, as opposed to ≤.
                 let not_zero = !hit_mask(det, zeros);
-                LeafHits { mask: inside & in_range & not_zero, t, u, v, det, first }
+                LeafHits { mask: inside & in_range & not_zero, t, u, v, det, first, doubt: false }
             }
         }
     };

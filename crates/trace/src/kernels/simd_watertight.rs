@@ -38,7 +38,7 @@ macro_rules! define_watertight_corners {
             /// Nine rows of `count` words and a vector more must be readable at `base`.
             #[target_feature(enable = $features)]
             #[inline]
-            unsafe fn test(
+            unsafe fn test<const CAREFUL: bool>(
                 &self,
                 base: *const f32,
                 first: usize,
@@ -48,11 +48,13 @@ macro_rules! define_watertight_corners {
             ) -> LeafHits {
                 let n = count as usize;
                 // SAFETY: as promised.
-                let row = |i: usize| unsafe { load_unaligned(base.add(i * n)) };
+                let axes = self.axes.map(|axis| unsafe { base.add(axis * n) });
+                // SAFETY: as promised.
+                let row = |i: usize, k: usize| unsafe { load_unaligned(axes[k].add(3 * i * n)) };
                 let corner = |i: usize| {
-                    let z = sub(row(3 * i + self.axes[2]), self.origin[2]);
-                    let x = sub(row(3 * i + self.axes[0]), self.origin[0]);
-                    let y = sub(row(3 * i + self.axes[1]), self.origin[1]);
+                    let z = sub(row(i, 2), self.origin[2]);
+                    let x = sub(row(i, 0), self.origin[0]);
+                    let y = sub(row(i, 1), self.origin[1]);
                     [neg_mul_add(self.shear[0], z, x), neg_mul_add(self.shear[1], z, y), z]
                 };
                 let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) = (corner(0), corner(1), corner(2));
@@ -73,7 +75,15 @@ macro_rules! define_watertight_corners {
                     & _bzhi_u32(u32::MAX, count);
                 let zeros = zero();
                 if candidates == 0 {
-                    return LeafHits { mask: 0, t: zeros, u: zeros, v: zeros, det: zeros, first };
+                    return LeafHits {
+                        mask: 0,
+                        t: zeros,
+                        u: zeros,
+                        v: zeros,
+                        det: zeros,
+                        first,
+                        doubt: false,
+                    };
                 }
                 let (wa, wb, wc) =
                     (and_not(sign_bit, wa), and_not(sign_bit, wb), and_not(sign_bit, wc));
@@ -83,15 +93,20 @@ macro_rules! define_watertight_corners {
                 let t = add(div(depth, mul(det, self.along)), zeros);
                 let sure = hit_mask(certain, min(wa, min(wb, wc)))
                     & hit_mask(and_not(sign_bit, depth), splat(f32::MAX));
-                let hits = LeafHits { mask: candidates, t, u: wb, v: wc, det, first };
-                let hits = if candidates & !sure == 0 {
-                    hits
+                let doubtful = candidates & !sure;
+                let mut hits =
+                    LeafHits { mask: candidates, t, u: wb, v: wc, det, first, doubt: false };
+                if CAREFUL {
+                    if doubtful != 0 {
+                        let corners = [ax, ay, az, bx, by, bz, cx, cy, cz];
+                        hits = self.decide(corners, doubtful, hits);
+                    }
                 } else {
-                    let corners = [ax, ay, az, bx, by, bz, cx, cy, cz];
-                    self.decide(corners, candidates & !sure, hits)
-                };
-                let in_range = hit_mask(t_min, hits.t) & hit_mask(hits.t, t_max);
-                LeafHits { mask: hits.mask & in_range, ..hits }
+                    hits.mask &= sure;
+                    hits.doubt = doubtful != 0;
+                }
+                hits.mask &= hit_mask(t_min, hits.t) & hit_mask(hits.t, t_max);
+                hits
             }
 
             /// Decides lanes in `f64`.
@@ -114,7 +129,7 @@ macro_rules! define_watertight_corners {
                     }
                 }
                 let [t, u, v, det] = [t, u, v, det].map(|v| from_array(v));
-                LeafHits { mask, t, u, v, det, first: hits.first }
+                LeafHits { mask, t, u, v, det, ..hits }
             }
         }
 
