@@ -19,26 +19,26 @@ impl TraceKernel {
 
     /// The fastest.
     pub(crate) fn best() -> Self {
-        Self { kernel: Kernel::best(), mode: Mode::Fast }
+        Self { kernel: Kernel::best(), mode: Mode::default() }
     }
 
-    /// `avx512`, `avx512_watertight`.
+    /// `avx512` in the default mode, which is the watertight one; `avx512_fast`.
     pub(crate) fn name(self) -> String {
-        match self.mode {
-            Mode::Fast => self.kernel.name().to_owned(),
-            mode => format!("{}_{mode}", self.kernel),
+        if self.mode == Mode::default() {
+            self.kernel.name().to_owned()
+        } else {
+            format!("{}_{}", self.kernel, self.mode)
         }
     }
 
-    /// The kernels that a list names, each once: names, and `watertight` for the fastest such.
-    /// The fastest of all without a name.
+    /// The kernels that a list names, each once: names, and `watertight` or `fast` for the
+    /// processor's best in that mode. The best in the default mode without a name.
     pub(crate) fn select(names: &[String]) -> Result<Vec<Self>> {
         let mut kernels = Vec::new();
         for name in names {
-            let kernel = if name == Mode::Watertight.name() {
-                Self { kernel: Kernel::best(), mode: Mode::Watertight }
-            } else {
-                Self::named(name)?
+            let kernel = match Mode::ALL.into_iter().find(|mode| mode.name() == name) {
+                Some(mode) => Self { kernel: Kernel::best(), mode },
+                None => Self::named(name)?,
             };
             if !kernels.contains(&kernel) {
                 kernels.push(kernel);
@@ -60,7 +60,7 @@ impl TraceKernel {
             Some(_) => bail!("this processor lacks the instructions of the kernel {name}"),
             None => {
                 let known: Vec<_> = all().map(Self::name).collect();
-                bail!("`{name}` is no kernel; known are watertight, {}", known.join(", "))
+                bail!("`{name}` is no kernel; known are fast, watertight, {}", known.join(", "))
             }
         }
     }
@@ -79,13 +79,10 @@ mod tests {
     fn names_select() {
         let best = Kernel::best().name();
         assert_eq!(names(&[]), [best]);
-        assert_eq!(names(&["scalar_watertight", "scalar", "scalar"]), [
-            "scalar_watertight",
-            "scalar"
-        ]);
-        assert_eq!(names(&["watertight"]), [format!("{best}_watertight")]);
+        assert_eq!(names(&["scalar_fast", "scalar", "scalar"]), ["scalar_fast", "scalar"]);
+        assert_eq!(names(&["watertight", "fast"]), [best.to_owned(), format!("{best}_fast")]);
         assert_eq!(TraceKernel::available().len(), 2 * Kernel::available().len());
         let error = TraceKernel::select(&["avx".into()]).unwrap_err().to_string();
-        assert!(error.contains("`avx`") && error.contains("avx2_watertight"), "{error}");
+        assert!(error.contains("`avx`") && error.contains("avx2_fast"), "{error}");
     }
 }

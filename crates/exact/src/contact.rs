@@ -89,19 +89,6 @@ pub(crate) fn plane_t(ray: &Ray, triangle: &Triangle) -> Option<f64> {
     plane.distance.divide(&plane.det)
 }
 
-/// True if the corners span no area, exactly; also for corners that are not finite.
-pub(crate) fn has_no_area(triangle: &Triangle) -> bool {
-    fn normal<N: Number>(triangle: &Triangle) -> Vector<N> {
-        let [a, b, c] = triangle.vertices().map(vector::<N>);
-        cross(&difference(&b, &a), &difference(&c, &a))
-    }
-    if !is_finite(triangle) {
-        return true;
-    }
-    let surely_some = normal::<Bounded>(triangle).iter().any(|n| n.sign().is_some());
-    !surely_some && normal::<Dyadic>(triangle).iter().all(|n| n.sign() == Some(Ordering::Equal))
-}
-
 /// Finite where it must be; the range is not NaN.
 pub(crate) fn is_sound(ray: &Ray) -> bool {
     ray.origin.is_finite()

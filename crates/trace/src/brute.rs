@@ -9,18 +9,19 @@ use crate::{
 };
 use niwaki_core::{Hit, Ray, TriangleMesh};
 
-/// The closest hit by testing every triangle in [`Mode::Fast`]; among hits at equal `t` the
+/// The closest hit by testing every triangle, in [`Mode::Watertight`]; among hits at equal `t` the
 /// smallest `prim_id`.
 ///
 /// Takes time linear in the mesh, twice: the bounds decide the scale. Meant for tests and as the
 /// reference of kernels, with which it agrees to the last bit of `t`, `u` and `v`.
 #[must_use]
 pub fn brute_force(mesh: &TriangleMesh, ray: &Ray) -> Hit {
-    brute_force_in(Mode::Fast, mesh, ray)
+    brute_force_in(Mode::default(), mesh, ray)
 }
 
 /// [`brute_force`] in a mode. In [`Mode::Watertight`] every kernel gives this answer for every
-/// ray; in the fast mode they may differ where rounding puts a hit outside its own box.
+/// ray that has no hit within rounding of its `t_min`; in the fast mode they may differ wherever
+/// rounding puts a hit outside its own box.
 #[must_use]
 pub fn brute_force_in(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
     match mode {

@@ -4,8 +4,7 @@ use std::fmt;
 
 /// What a scene promises about rays that pass exactly through edges and corners. Chosen when a
 /// scene is made, as the modes keep different words of the triangles and have kernels of their own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Mode {
     /// Each triangle is tested by itself (Möller and Trumbore 1997), so a ray aimed exactly at an
     /// edge may pass between the two triangles that share it.
@@ -16,6 +15,9 @@ pub enum Mode {
     ///
     /// Triangles without area, other than those with two equal corners, may be hit: they close
     /// seams between triangles of different size.
+    ///
+    /// The default, because it costs less than a tenth of the time.
+    #[default]
     Watertight,
 }
 

@@ -15,6 +15,10 @@ pub(crate) trait TriangleTest {
     /// The slabs that go with the test.
     fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs;
 
+    /// How much larger boxes must be where the ray enters and where it leaves, in a slab test
+    /// without an error of its own but relative ones of three roundings.
+    fn pads(ray: &RaySetup, scale: &SceneScale) -> [f32; 2];
+
     /// Replaces `hit` if the triangle of these [`words`] is met from `t_min` on and before it, or
     /// at the same distance with a smaller id.
     fn intersect(&self, words: [Vec3; 3], prim_id: u32, t_min: f32, hit: &mut Hit);
@@ -50,6 +54,11 @@ impl TriangleTest for Fast {
     }
 
     #[inline(always)]
+    fn pads(_: &RaySetup, _: &SceneScale) -> [f32; 2] {
+        [0.0; 2]
+    }
+
+    #[inline(always)]
     fn intersect(&self, [v0, e1, e2]: [Vec3; 3], prim_id: u32, t_min: f32, hit: &mut Hit) {
         let triangle = EdgeTriangle { v0, e1, e2 };
         intersect(&triangle, prim_id, self.origin, self.direction, t_min, hit);
@@ -65,6 +74,11 @@ impl TriangleTest for Sheared {
     #[inline(always)]
     fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
         watertight::slabs(ray, scale)
+    }
+
+    #[inline(always)]
+    fn pads(ray: &RaySetup, scale: &SceneScale) -> [f32; 2] {
+        watertight::pads(ray, scale)
     }
 
     #[inline(always)]

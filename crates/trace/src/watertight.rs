@@ -180,9 +180,22 @@ pub(crate) fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
     const OWN: f32 = 2.5 * f32::EPSILON; // 5u
     const NEAR: f32 = 9.0 * f32::EPSILON; // 18u
     const FAR: f32 = 3.0 * f32::EPSILON; // 6u
+    let reach = reach(ray, scale);
+    let own = (Vec3A::from(ray.origin).abs() + scale.magnitude) * OWN;
+    Slabs::padded(ray, own + reach * NEAR, own + reach * FAR)
+}
+
+/// As [`slabs`], for a slab test of a difference and a product, which has relative errors only:
+/// those of four roundings more, of at most the reach.
+#[inline(always)]
+pub(crate) fn pads(ray: &RaySetup, scale: &SceneScale) -> [f32; 2] {
+    [12.0, 6.0].map(|epsilons| epsilons * f32::EPSILON * reach(ray, scale))
+}
+
+/// The largest difference between a coordinate of the scene and the origin's.
+#[inline(always)]
+fn reach(ray: &RaySetup, scale: &SceneScale) -> f32 {
     let origin = Vec3A::from(ray.origin);
     let (min, max) = (Vec3A::from(scale.bounds.min), Vec3A::from(scale.bounds.max));
-    let reach = (max - origin).abs().max((min - origin).abs()).max_element();
-    let own = (origin.abs() + scale.magnitude) * OWN;
-    Slabs::padded(ray, own + reach * NEAR, own + reach * FAR)
+    (max - origin).abs().max((min - origin).abs()).max_element()
 }

@@ -57,18 +57,10 @@ impl WideScene {
     /// # Errors
     /// [`SceneError`]: the tree is malformed, too large, or not of this mesh.
     pub fn new(bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
-        Self::new_in(Mode::Fast, bvh, mesh)
+        Self::new_in(Mode::default(), bvh, mesh)
     }
 
-    /// [`WideScene::new`] in [`Mode::Watertight`].
-    ///
-    /// # Errors
-    /// As [`WideScene::new`].
-    pub fn watertight(bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
-        Self::new_in(Mode::Watertight, bvh, mesh)
-    }
-
-    /// [`WideScene::new`] in a mode.
+    /// [`WideScene::new`] in another mode than [`Mode::Watertight`], the default.
     ///
     /// # Errors
     /// As [`WideScene::new`].
@@ -83,10 +75,10 @@ impl<const W: usize> WideScene<W> {
     /// # Errors
     /// [`SceneError::NoSuchTriangle`] if the tree is not of this mesh.
     pub fn build_from(bvh: WideBvh<W>, mesh: &TriangleMesh) -> Result<Self, SceneError> {
-        Self::build_in(Mode::Fast, bvh, mesh)
+        Self::build_in(Mode::default(), bvh, mesh)
     }
 
-    /// [`WideScene::build_from`] in a mode.
+    /// [`WideScene::build_from`] in another mode than [`Mode::Watertight`], the default.
     ///
     /// # Errors
     /// As [`WideScene::build_from`].

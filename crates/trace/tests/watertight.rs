@@ -65,8 +65,8 @@ fn stars() {
     for (size, offset) in [(1.0, Vec3::ZERO), (1.0, Vec3::new(1e3,7e2,-1.3e3)), (1e-30, Vec3::ZERO), (1e30,Vec3::ZERO), (100.0, Vec3::splat(1e7)), (1e-6,Vec3::ZERO)] {
         let mesh = closed_star(5, size, offset, 3);
         let mut rng = Rng::with_seed(1);
-        let fast = WideScene::new(&median_tree(&mesh, 2), &mesh).unwrap();
-        let tight = WideScene::watertight(&median_tree(&mesh, 2), &mesh).unwrap();
+        let fast = WideScene::new_in(Mode::Fast, &median_tree(&mesh, 2), &mesh).unwrap();
+        let tight = WideScene::new(&median_tree(&mesh, 2), &mesh).unwrap();
         let (mut lf, mut lt) = (0, 0);
         for i in 0..200_000 {
             let t = mesh.triangle(rng.usize(0..mesh.len()));

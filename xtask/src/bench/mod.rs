@@ -45,6 +45,8 @@ struct Setup {
 pub(crate) struct Method {
     pub(crate) builders: Vec<TreeBuilder>,
     pub(crate) kernels: Vec<TraceKernel>,
+    /// Embree's robust mode is measured too.
+    pub(crate) robust: bool,
     /// Builders whose binary trees are traced too, by the scalar reference kernel.
     pub(crate) binary: Vec<String>,
     /// Least time of each measurement.
@@ -133,13 +135,14 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     let kernels = TraceKernel::select(&args.kernels)?;
     let engines = builders
         .iter()
-        .map(|b| kernels.len() + traces::own_structures(b.source(), &kernels))
+        .map(|b| kernels.len() + traces::own_structures(b.source(), args.robust))
         .sum::<usize>();
     let steps = plans.len() + groups * (builders.len() + engines * ray_sets.len());
     let seconds = if args.quick { 0.1 } else { 0.5 };
     let method = Method {
         builders,
         kernels,
+        robust: args.robust,
         binary: Vec::new(),
         seconds,
         brief: false,

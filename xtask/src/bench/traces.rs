@@ -4,7 +4,6 @@ use super::builds::Built;
 use super::rays::{RaySet, blocks_of};
 use super::timing::{Effort, in_turns, median};
 use super::{Group, Method};
-use crate::kernel::TraceKernel;
 use crate::machine;
 use crate::registry::TreeBuilder;
 use crate::results::{Source, TraceRow};
@@ -101,7 +100,7 @@ pub(crate) fn measure(
             // One a kernel of ours at most, a binary tree, a peer's own structures.
             let scenes = method.kernels.len()
                 + usize::from(method.binary.contains(&tree.builder.full_name()))
-                + own_structures(tree.builder.source(), &method.kernels);
+                + own_structures(tree.builder.source(), method.robust);
             used += tree.row.references * BYTES_PER_REFERENCE * scenes;
             if used > room && !engines.is_empty() {
                 break;
@@ -126,12 +125,11 @@ pub(crate) const BINARY: &str = "binary";
 pub(crate) const ROBUST: &str = "_robust";
 
 /// How many structures of its own a peer makes for its own kernels: Embree one for its default
-/// mode, and one for its robust mode if there is a watertight kernel to compare it with.
-pub(crate) fn own_structures(source: Source, kernels: &[TraceKernel]) -> usize {
-    let watertight = kernels.iter().any(|kernel| kernel.mode == Mode::Watertight);
+/// mode, and one for its robust mode if that was asked for.
+pub(crate) fn own_structures(source: Source, robust: bool) -> usize {
     match source {
         Source::Niwaki => 0,
-        Source::Embree => 1 + usize::from(watertight),
+        Source::Embree => 1 + usize::from(robust),
         Source::Obvhs => 1,
     }
 }
@@ -176,7 +174,7 @@ fn make<'a>(method: &Method, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engi
     if method.brief {
         return engines;
     }
-    for i in 0..own_structures(builder.source(), &method.kernels) {
+    for i in 0..own_structures(builder.source(), method.robust) {
         let robust = i == 1;
         match group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref(), robust)) {
             Ok(Some(own)) => engines.push(Engine {

@@ -84,6 +84,7 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
         progress: Progress::new(plans.plans.len() * measure::steps(builders.len())),
         builders,
         kernels: vec![crate::kernel::TraceKernel::best()],
+        robust: false,
         binary: Vec::new(),
         seconds: args.seconds(),
         brief: true,
