@@ -1,6 +1,6 @@
 //! One ray against one or two triangles.
 
-use crate::number::{Bounded, Dyadic, Number, Vector, cross, difference, dot, vector};
+use crate::number::{Bounded, Dyadic, Number, cross, difference, dot, vector};
 use niwaki_core::{Ray, Triangle};
 use std::cmp::Ordering;
 

@@ -16,13 +16,14 @@
 //! | item | what it is |
 //! |---|---|
 //! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
+//! | [`Mode`] | watertight, the default: no ray slips between two triangles; or fast |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
 //! | [`brute_force`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
 //!
-//! All of them use one sequence of triangle arithmetic, fused multiply-adds included, so a hit
-//! has the same `t`, `u` and `v` to the last bit whichever kernel found it, and among hits at
-//! equal `t` the smallest `prim_id` wins everywhere.
+//! In each mode, all of them use one sequence of triangle arithmetic, fused multiply-adds
+//! included, so a hit has the same `t`, `u` and `v` to the last bit whichever kernel found it, and
+//! among hits at equal `t` the smallest `prim_id` wins everywhere.
 //!
 //! Coordinates of any finite magnitude work: scenes and rays are scaled by powers of two, which
 //! changes no significand, so that products neither overflow nor vanish.

@@ -82,11 +82,7 @@ impl<const W: usize> WideScene<W> {
     ///
     /// # Errors
     /// As [`WideScene::build_from`].
-    pub fn build_in(
-        mode: Mode,
-        bvh: WideBvh<W>,
-        mesh: &TriangleMesh,
-    ) -> Result<Self, SceneError> {
+    pub fn build_in(mode: Mode, bvh: WideBvh<W>, mesh: &TriangleMesh) -> Result<Self, SceneError> {
         let scale = SceneScale::of(&bvh.bounds());
         let stack_bound = bvh.stack_bound();
         let (mut nodes, prim_ids) = bvh.into_parts();
@@ -203,9 +199,8 @@ fn fill<const W: usize>(
             return Err(SceneError::NoSuchTriangle { prim_id, triangles: mesh.len() });
         }
         gathered.clear();
-        gathered.extend(
-            ids.iter().map(|&id| words(mode, &scale.triangle(mesh.triangle(id as usize)))),
-        );
+        gathered
+            .extend(ids.iter().map(|&id| words(mode, &scale.triangle(mesh.triangle(id as usize)))));
         let mut triangles = gathered.as_slice();
         for child in group.iter().flat_map(WideNode::iter) {
             let Child::Leaf { count, .. } = child else { continue };

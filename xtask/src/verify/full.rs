@@ -107,7 +107,7 @@ pub(crate) fn run(
     for builder in builders {
         progress(builder.name());
         let Some(bvh) = build_and_check(name, mesh, builder.as_ref(), ledger)? else { continue };
-        each_kernel(&bvh, mesh, |kernel, scene| {
+        each_kernel(&bvh, mesh, |kernel, _, scene| {
             progress(&format!("{} {kernel}", builder.name()));
             let hits = closest(scene, &rays.closest);
             let flags = any(scene, &rays.any);

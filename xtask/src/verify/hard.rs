@@ -10,7 +10,7 @@ use super::{
 use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh, float::round_down};
 use niwaki_exact::closest_in_mesh;
 use niwaki_hard_cases::{Case, bad_rays, closed_star, rays};
-use niwaki_trace::WideScene;
+use niwaki_trace::{Mode, WideScene};
 
 /// Triangle tests a case may spend on brute force.
 const BRUTE_FORCE_TESTS: usize = 40_000_000;
@@ -41,16 +41,18 @@ fn run_case(
     let mesh = &case.mesh;
     let affordable = BRUTE_FORCE_TESTS / mesh.len().max(1) / 11;
     let rays = rays(mesh, options.hard_rays.min(affordable).max(8), options.seed);
-    let brute = BruteForce(mesh);
-    let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
-    let flags = Reference::new(mesh, &rays, any(&brute, &rays));
-    against_exact(case, &rays, ledger);
+    let references = Mode::ALL.map(|mode| {
+        let brute = BruteForce(mode, mesh);
+        against_exact(case, &brute, &rays, ledger);
+        let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
+        (mode, hits, Reference::new(mesh, &rays, any(&brute, &rays)))
+    });
     let bad = bad_rays(mesh);
     for builder in builders {
         let Some(bvh) = build_and_check(case.name, mesh, builder.as_ref(), ledger)? else {
             continue;
         };
-        each_kernel(&bvh, mesh, |kernel, scene| {
+        each_kernel(&bvh, mesh, |kernel, mode, scene| {
             let mut add = |query, (tally, wrong): (_, Vec<String>)| {
                 ledger.rows.push(Row {
                     scene: case.name.to_owned(),
@@ -68,8 +70,10 @@ fn run_case(
                     what,
                 }));
             };
-            add("closest", hits.compare(&closest(scene, &rays)));
-            add("any", flags.compare(&any(scene, &rays)));
+            for (_, hits, flags) in references.iter().filter(|reference| reference.0 == mode) {
+                add("closest", hits.compare(&closest(scene, &rays)));
+                add("any", flags.compare(&any(scene, &rays)));
+            }
             for (i, ray) in bad.iter().enumerate() {
                 if scene.closest_hit(ray).is_hit() || scene.any_hit(ray) {
                     ledger.culprits.push(Culprit {
@@ -87,7 +91,7 @@ fn run_case(
 
 /// Brute force against the exact answer: all kernels share one triangle test, so a fault of that
 /// test would not show between them.
-fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
+fn against_exact(case: &Case, brute: &BruteForce<'_>, rays: &[Ray], ledger: &mut Ledger) {
     let mesh = &case.mesh;
     let affordable = EXACT_TESTS / mesh.len().max(1);
     // A distance past the normal range of f32 has no f32 to full precision, so no kernel that
@@ -110,16 +114,15 @@ fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
         asked.push(*ray);
     }
     let rays = asked.as_slice();
-    let brute = BruteForce(mesh);
     let occluded = truth.iter().map(Hit::is_hit).collect();
-    let (tally, wrong) = Reference::new(mesh, rays, truth).compare(&closest(&brute, rays));
-    let (any_tally, any_wrong) = Reference::new(mesh, rays, occluded).compare(&any(&brute, rays));
+    let (tally, wrong) = Reference::new(mesh, rays, truth).compare(&closest(brute, rays));
+    let (any_tally, any_wrong) = Reference::new(mesh, rays, occluded).compare(&any(brute, rays));
     for (query, tally) in [("closest", tally), ("any", any_tally)] {
         ledger.rows.push(Row {
             scene: case.name.to_owned(),
             triangles: mesh.len(),
             builder: "none".to_owned(),
-            kernel: "brute_force".to_owned(),
+            kernel: format!("brute_force_{}", brute.0),
             against: "exact".to_owned(),
             query,
             tally,
@@ -128,39 +131,59 @@ fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
     ledger.culprits.extend(wrong.into_iter().chain(any_wrong).map(|what| Culprit {
         scene: case.name.to_owned(),
         builder: "none".to_owned(),
-        check: "triangle test against the exact answer".to_owned(),
+        check: format!("{} triangle test against the exact answer", brute.0),
         what,
     }));
 }
 
-/// Counts leaks of our fastest kernel and of `peers` on closed surfaces of several sizes and
-/// places. Leaks are counted, not judged: `fast` kernels have them, ours and the peers'.
+/// Counts leaks of our fastest kernels and of `peers` on closed surfaces of several sizes and
+/// places. Those of fast kernels are counted, not judged, ours and the peers'; a watertight one
+/// must have none.
 pub(crate) fn leaks(
     options: &Options,
     builder: &dyn Builder,
     peers: &dyn Fn(&TriangleMesh) -> anyhow::Result<Named>,
-) -> anyhow::Result<Vec<LeakRow>> {
-    let mut rows = Vec::new();
+    ledger: &mut Ledger,
+) -> anyhow::Result<()> {
     for (name, size, offset) in [
         ("size 1", 1.0, [0.0; 3]),
         ("size 1 at (1e3, 7e2, -1.3e3)", 1.0, [1e3, 7e2, -1.3e3]),
+        ("size 1e4 at (1e7, 7e6, -1.3e7)", 1e4, [1e7, 7e6, -1.3e7]),
         ("size 1e-6", 1e-6, [0.0; 3]),
         ("size 1e6", 1e6, [0.0; 3]),
+        ("size 1e-30", 1e-30, [0.0; 3]),
+        ("size 1e30", 1e30, [0.0; 3]),
     ] {
         let mesh = closed_star(6, size, offset.into(), options.seed);
         let rays = from_inside(&mesh, size, offset.into(), options.leak_rays);
         let mut add = |kernel: &str, scene: &dyn Intersector| {
             let leaks = closest(scene, &rays).iter().filter(|hit| !hit.is_hit()).count();
             let scene = name.to_owned();
-            rows.push(LeakRow { scene, kernel: kernel.to_owned(), rays: rays.len(), leaks });
+            ledger.leaks.push(LeakRow {
+                scene,
+                kernel: kernel.to_owned(),
+                rays: rays.len(),
+                leaks,
+            });
+            leaks
         };
         let bvh = builder.build_mesh(&mesh)?;
-        add("niwaki fast", &WideScene::new(&bvh, &mesh)?);
+        add("niwaki fast", &WideScene::new_in(Mode::Fast, &bvh, &mesh)?);
+        let watertight = WideScene::new_in(Mode::Watertight, &bvh, &mesh)?;
+        let leaks = add("niwaki watertight", &watertight);
         for (name, scene) in peers(&mesh)? {
             add(&name, scene.as_ref());
         }
+        if leaks > 0 {
+            ledger.culprits.push(Culprit {
+                scene: name.to_owned(),
+                builder: builder.name().to_owned(),
+                check: "watertight".to_owned(),
+                what: format!("{leaks} of {} rays left a closed surface", rays.len()),
+            });
+        }
     }
-    Ok(rows)
+    Ok(())
 }
 
 /// Rays from points well inside the star, aimed exactly at corners and at points on edges.
@@ -198,7 +221,7 @@ mod tests {
         assert!(
             rays.iter().all(|r| (r.origin - niwaki_core::glam::Vec3::X * 5.0).length() <= 1.001)
         );
-        let hits = closest(&BruteForce(&mesh), &rays);
+        let hits = closest(&BruteForce(Mode::Fast, &mesh), &rays);
         let lost = hits.iter().filter(|h| !h.is_hit()).count();
         assert!(lost < 100, "most rays must hit, {lost} of 500 did not");
     }

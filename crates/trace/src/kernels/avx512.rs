@@ -30,7 +30,11 @@ pub(crate) mod watertight {
     use super::*;
     use crate::watertight::{self, CERTAIN, Sheared};
 
-    define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8, define_watertight_corners);
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        8,
+        define_watertight_corners
+    );
 }
 
 /// Lanes with `a ≤ b`.
