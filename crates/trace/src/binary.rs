@@ -279,7 +279,7 @@ impl Stack {
 }
 
 /// Every inner node has two children after it and every leaf a range that exists.
-fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
+pub(crate) fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
     let nodes = bvh.nodes.len();
     // Where every node but the root has one parent, traversal visits each at most once; the root
     // cannot be a child, as children come after their parents.

@@ -18,6 +18,7 @@
 //! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
 //! | [`Mode`] | watertight, the default: no ray slips between two triangles; or fast |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
+//! | [`DoubleScene`] | rays and triangles in `f64`, for scenes whose detail is lost in `f32` |
 //! | [`brute_force`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
 //!
@@ -33,6 +34,7 @@
 mod binary;
 mod brute;
 mod counts;
+mod double;
 mod error;
 mod kernel;
 mod kernels;
@@ -46,6 +48,7 @@ mod wide;
 pub use binary::BinaryScene;
 pub use brute::{brute_force, brute_force_any, brute_force_in};
 pub use counts::Counts;
+pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;
 pub use mode::Mode;
