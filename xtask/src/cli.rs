@@ -90,10 +90,15 @@ pub(crate) struct BenchArgs {
                           "bounce4", "all"])]
     pub(crate) rays: Vec<String>,
 
-    /// Our traversal kernels, comma-separated: scalar, avx2, avx512 [default: the fastest that
-    /// this processor has]
+    /// Our traversal kernels, comma-separated: scalar, avx2, avx512, which are watertight; each with
+    /// _fast behind it, which are not; or watertight and fast for the best of each that this
+    /// processor has [default: watertight]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) kernels: Vec<String>,
+
+    /// Measure Embree's robust mode besides its default one
+    #[arg(long)]
+    pub(crate) robust: bool,
 
     /// Rays per set, at most [default: 200000, with --quick 50000]
     #[arg(long, value_name = "NUMBER", value_parser = parse_count)]

@@ -3,6 +3,7 @@
 mod accuracy;
 mod bench;
 mod cli;
+mod kernel;
 mod machine;
 mod memory;
 mod registry;

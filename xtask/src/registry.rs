@@ -129,11 +129,13 @@ impl TreeBuilder {
         }
     }
 
-    /// A peer's own structure for its own kernel; nothing for a builder of ours.
+    /// A peer's own structure for its own kernel, Embree's for its robust mode if `robust`;
+    /// nothing for a builder of ours.
     pub(crate) fn own_scene(
         &self,
         mesh: &TriangleMesh,
         embree: Option<&Embree>,
+        robust: bool,
     ) -> Result<Option<OwnScene>> {
         match self {
             Self::Ours(_) => Ok(None),
@@ -143,7 +145,7 @@ impl TreeBuilder {
             }
             Self::Embree(quality) => {
                 let embree = embree.context("Embree is not loaded")?;
-                let scene = EmbreeScene::new(embree, mesh, *quality, false)?;
+                let scene = EmbreeScene::new(embree, mesh, *quality, robust)?;
                 Ok(Some(OwnScene { time: scene.commit_time(), scene: Box::new(scene) }))
             }
         }

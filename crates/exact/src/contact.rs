@@ -1,6 +1,6 @@
 //! One ray against one or two triangles.
 
-use crate::number::{Bounded, Dyadic, Number, Vector, cross, difference, dot, vector};
+use crate::number::{Bounded, Dyadic, Number, cross, difference, dot, vector};
 use niwaki_core::{Ray, Triangle};
 use std::cmp::Ordering;
 
@@ -87,19 +87,6 @@ pub(crate) fn plane_t(ray: &Ray, triangle: &Triangle) -> Option<f64> {
     }
     let plane = Plane::<Dyadic>::of(ray, triangle);
     plane.distance.divide(&plane.det)
-}
-
-/// True if the corners span no area, exactly; also for corners that are not finite.
-pub(crate) fn has_no_area(triangle: &Triangle) -> bool {
-    fn normal<N: Number>(triangle: &Triangle) -> Vector<N> {
-        let [a, b, c] = triangle.vertices().map(vector::<N>);
-        cross(&difference(&b, &a), &difference(&c, &a))
-    }
-    if !is_finite(triangle) {
-        return true;
-    }
-    let surely_some = normal::<Bounded>(triangle).iter().any(|n| n.sign().is_some());
-    !surely_some && normal::<Dyadic>(triangle).iter().all(|n| n.sign() == Some(Ordering::Equal))
 }
 
 /// Finite where it must be; the range is not NaN.

@@ -2,7 +2,7 @@
 
 use crate::{
     closest::near_line,
-    contact::{Contact, contact, contact_of_line, forward, has_no_area, is_sound, plane_t},
+    contact::{Contact, contact, contact_of_line, forward, is_sound, plane_t},
     difficulty::{border_distance_ulps, t_error_bound},
 };
 use niwaki_core::{Hit, Ray, Triangle, TriangleMesh};
@@ -187,7 +187,8 @@ pub fn settle(ray: &Ray, mesh: &TriangleMesh, ours: &Hit, theirs: &Hit) -> Verdi
 ///
 /// Each reported hit is tested exactly: it is *false* if the ray misses the triangle by more than
 /// [`SettleOptions::border_ulps`] or if its `t` is further from the truth than
-/// [`t_error_bound`]; it is *certain* if the ray pierces the triangle's inside, further than that
+/// [`t_error_bound`] (a triangle without area, but with three corners, counts as its own border, as
+/// rounding may give it one; a triangle with two equal corners has none); it is *certain* if the ray pierces the triangle's inside, further than that
 /// from its border and, by more than the error of `t`, from the ends of the range. Then:
 ///
 /// | case | verdict |
@@ -379,12 +380,16 @@ fn examine_triangle(
     let border_ulps = border_distance_ulps(ray, triangle);
     let false_hit = Claim::FalseHit { prim_id, border_ulps };
     let near_border = border_ulps <= options.border_ulps;
-    if !is_sound(ray) || ray.t_min > ray.t_max || has_no_area(triangle) {
+    let [a, b, c] = triangle.vertices();
+    let has_equal_corners = a == b || b == c || c == a;
+    if !is_sound(ray) || ray.t_min > ray.t_max || has_equal_corners {
         return false_hit;
     }
     let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
     let Some(t) = plane_t(ray, triangle) else {
-        // In the plane: within a trace of the border if at all, at any distance along it.
+        // In the plane, or without area, where rounding may give it one (watertight kernels keep
+        // such triangles, as they close seams): within a trace of the border if at all, at any
+        // distance along it.
         return if near_border && let Some(span) = span_in_plane(ray, triangle, reported) {
             Claim::Hit { prim_id, contact, t: span.0, t_error: span.1, border_ulps, certain: false }
         } else {

@@ -7,7 +7,7 @@ use niwaki_exact::{
 };
 
 /// Two unit squares of two triangles each, at z = 0 (0, 1) and z = −1 (2, 3), a copy of triangle
-/// 0 (4), and one without area (5).
+/// 0 (4), and two without area, of three corners (5) and of two (6).
 fn scene() -> TriangleMesh {
     let square = |z: f32| {
         let [a, b, c, d] =
@@ -16,7 +16,8 @@ fn scene() -> TriangleMesh {
     };
     let flat = Triangle::new(Vec3::ZERO, Vec3::X, Vec3::X * 2.0);
     let mut triangles = [square(0.0), square(-1.0)].concat();
-    triangles.extend([triangles[0], flat]);
+    let needle = Triangle::new(Vec3::ZERO, Vec3::X, Vec3::X);
+    triangles.extend([triangles[0], flat, needle]);
     TriangleMesh::from_triangles(&triangles).unwrap()
 }
 
@@ -60,7 +61,9 @@ fn each_verdict() {
         ("they gain far from the border", far_outside, Hit::MISS, hit(0, 1.0), PeerWrong),
         ("wrong neighbour", middle, hit(0, 1.0), hit(1, 1.0), PeerWrong),
         ("no such primitive", middle, hit(0, 1.0), hit(77, 1.0), PeerWrong),
-        ("without area", down(0.5, 0.0), hit(0, 1.0), hit(5, 1.0), PeerWrong),
+        ("without area", down(0.5, 0.0), hit(0, 1.0), hit(5, 1.0), Tie),
+        ("without area, alone", down(1.5, 0.0), hit(5, 1.0), Hit::MISS, Rounding),
+        ("with equal corners", down(0.5, 0.0), hit(0, 1.0), hit(6, 1.0), PeerWrong),
         ("behind t_max", middle.with_range(0.0, 0.5), Hit::MISS, hit(0, 1.0), PeerWrong),
         ("at t_max", middle.with_range(0.0, 1.0), Hit::MISS, hit(0, 1.0), Rounding),
         // Both are wrong in different ways: only the scan finds what both missed.

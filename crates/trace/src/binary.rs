@@ -1,11 +1,12 @@
 //! The scalar reference kernel over the binary tree.
 
 use crate::{
-    Counts, SceneError,
+    Counts, Mode, SceneError,
     counts::Counter,
     scale::SceneScale,
     setup::RaySetup,
-    triangle::{EdgeTriangle, intersect, no_hit, settle},
+    triangle::{Fast, TriangleTest, no_hit, settle, words},
+    watertight::Sheared,
 };
 use niwaki_core::{
     Bvh, BvhNode, Hit, Intersector, Ray, TriangleMesh, float::ROBUST_SLAB, glam::Vec3,
@@ -22,7 +23,8 @@ pub struct BinaryScene {
     nodes: Vec<BvhNode>,
     prim_ids: Vec<u32>,
     /// One a reference, in leaf order.
-    triangles: Vec<EdgeTriangle>,
+    triangles: Vec<[Vec3; 3]>,
+    mode: Mode,
     scale: SceneScale,
 }
 
@@ -33,6 +35,14 @@ impl BinaryScene {
     /// [`SceneError::NoSuchTriangle`] if the tree is not of this mesh, or
     /// [`CollapseError::Malformed`] if it is not a tree.
     pub fn new(bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
+        Self::new_in(Mode::default(), bvh, mesh)
+    }
+
+    /// [`BinaryScene::new`] in another mode than [`Mode::Watertight`], the default.
+    ///
+    /// # Errors
+    /// As [`BinaryScene::new`].
+    pub fn new_in(mode: Mode, bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
         check_tree(bvh)?;
         check_ids(&bvh.prim_ids, mesh)?;
         let scale = SceneScale::of(&bvh.bounds());
@@ -44,11 +54,12 @@ impl BinaryScene {
             .prim_ids
             .par_iter()
             .with_min_len(4096)
-            .map(|&id| EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize))));
+            .map(|&id| words(mode, &scale.triangle(mesh.triangle(id as usize))));
         Ok(Self {
             nodes: nodes.collect(),
             prim_ids: bvh.prim_ids.clone(),
             triangles: triangles.collect(),
+            mode,
             scale,
         })
     }
@@ -58,7 +69,7 @@ impl BinaryScene {
     pub const fn bytes(&self) -> usize {
         size_of::<BvhNode>() * self.nodes.len()
             + size_of::<u32>() * self.prim_ids.len()
-            + size_of::<EdgeTriangle>() * self.triangles.len()
+            + size_of::<[Vec3; 3]>() * self.triangles.len()
     }
 
     /// [`Intersector::closest_hit`] with the work it took.
@@ -79,26 +90,47 @@ impl BinaryScene {
 
     #[inline]
     fn trace<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
+        match self.mode {
+            Mode::Fast => self.dispatch::<ANY, Fast, C>(ray, counter),
+            Mode::Watertight => self.dispatch::<ANY, Sheared, C>(ray, counter),
+        }
+    }
+
+    #[inline]
+    fn dispatch<const ANY: bool, T: TriangleTest, C: Counter>(
+        &self,
+        ray: &Ray,
+        counter: &mut C,
+    ) -> Hit {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("fma") {
             // SAFETY: the processor has the instructions, as just checked.
-            return unsafe { self.traverse_fma::<ANY, C>(ray, counter) };
+            return unsafe { self.traverse_fma::<ANY, T, C>(ray, counter) };
         }
-        self.traverse::<ANY, C>(ray, counter)
+        self.traverse::<ANY, T, C>(ray, counter)
     }
 
     /// The same code with hardware multiply-adds, whose results are the same by definition.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "fma")]
-    fn traverse_fma<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
-        self.traverse::<ANY, C>(ray, counter)
+    fn traverse_fma<const ANY: bool, T: TriangleTest, C: Counter>(
+        &self,
+        ray: &Ray,
+        counter: &mut C,
+    ) -> Hit {
+        self.traverse::<ANY, T, C>(ray, counter)
     }
 
     #[inline(always)]
-    fn traverse<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
+    fn traverse<const ANY: bool, T: TriangleTest, C: Counter>(
+        &self,
+        ray: &Ray,
+        counter: &mut C,
+    ) -> Hit {
         let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
         let Some(root) = self.nodes.first() else { return Hit::MISS };
-        let slabs = RobustSlabs::new(&setup);
+        let slabs = RobustSlabs::new(&setup, T::pads(&setup, &self.scale));
+        let test = T::new(&setup);
         let mut hit = no_hit(setup.t_max);
         counter.boxes(1);
         if slabs.entry(root, setup.t_min, hit.t).is_none() {
@@ -113,7 +145,7 @@ impl BinaryScene {
                 let range = node.prim_range();
                 let refs = self.triangles[range.clone()].iter().zip(&self.prim_ids[range]);
                 for (triangle, &id) in refs {
-                    intersect(triangle, id, setup.origin, setup.direction, setup.t_min, &mut hit);
+                    test.intersect(*triangle, id, setup.t_min, &mut hit);
                     if ANY && hit.is_hit() {
                         return setup.finish(hit);
                     }
@@ -163,8 +195,11 @@ impl Intersector for BinaryScene {
     }
 }
 
-/// The slab test with a conservative far distance (Ize 2013, section 3).
+/// The slab test with a conservative far distance (Ize 2013, section 3), of boxes that are
+/// larger by what the triangle test needs.
 struct RobustSlabs {
+    /// How much larger where the ray enters and where it leaves.
+    pads: [f32; 2],
     origin: Vec3,
     /// ±∞ where the direction is ±0.
     inverse: Vec3,
@@ -174,9 +209,10 @@ struct RobustSlabs {
 
 impl RobustSlabs {
     #[inline(always)]
-    fn new(ray: &RaySetup) -> Self {
+    fn new(ray: &RaySetup, pads: [f32; 2]) -> Self {
         let d = ray.direction;
         Self {
+            pads,
             origin: ray.origin,
             inverse: 1.0 / d,
             negative: [d.x.is_sign_negative(), d.y.is_sign_negative(), d.z.is_sign_negative()],
@@ -193,8 +229,11 @@ impl RobustSlabs {
             let (first, last) = if self.negative[axis] { (high, low) } else { (low, high) };
             // 0·∞ is NaN where a parallel ray lies in a plane; min and max drop it, so that the
             // axis does not exclude the box.
-            near = near.max((first - self.origin[axis]) * self.inverse[axis]);
-            far = far.min((last - self.origin[axis]) * self.inverse[axis] * ROBUST_SLAB);
+            let sign = if self.negative[axis] { -1.0 } else { 1.0 };
+            let first = first - self.origin[axis] - sign * self.pads[0];
+            let last = last - self.origin[axis] + sign * self.pads[1];
+            near = near.max(first * self.inverse[axis]);
+            far = far.min(last * self.inverse[axis] * ROBUST_SLAB);
         }
         (near <= far).then_some(near)
     }
@@ -240,7 +279,7 @@ impl Stack {
 }
 
 /// Every inner node has two children after it and every leaf a range that exists.
-fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
+pub(crate) fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
     let nodes = bvh.nodes.len();
     // Where every node but the root has one parent, traversal visits each at most once; the root
     // cannot be a child, as children come after their parents.

@@ -1,24 +1,42 @@
 //! Every triangle tested.
 
 use crate::{
+    mode::Mode,
     scale::SceneScale,
     setup::RaySetup,
-    triangle::{EdgeTriangle, intersect, no_hit, settle},
+    triangle::{Fast, TriangleTest, no_hit, settle, words},
+    watertight::Sheared,
 };
 use niwaki_core::{Hit, Ray, TriangleMesh};
 
-/// The closest hit by testing every triangle; among hits at equal `t` the smallest `prim_id`.
+/// The closest hit by testing every triangle, in [`Mode::Watertight`]; among hits at equal `t` the
+/// smallest `prim_id`.
 ///
 /// Takes time linear in the mesh, twice: the bounds decide the scale. Meant for tests and as the
 /// reference of kernels, with which it agrees to the last bit of `t`, `u` and `v`.
 #[must_use]
 pub fn brute_force(mesh: &TriangleMesh, ray: &Ray) -> Hit {
+    brute_force_in(Mode::default(), mesh, ray)
+}
+
+/// [`brute_force`] in a mode. In [`Mode::Watertight`] every kernel gives this answer for every
+/// ray that has no hit within rounding of its `t_min`; in the fast mode they may differ wherever
+/// rounding puts a hit outside its own box.
+#[must_use]
+pub fn brute_force_in(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
+    match mode {
+        Mode::Fast => test_all::<Fast>(mode, mesh, ray),
+        Mode::Watertight => test_all::<Sheared>(mode, mesh, ray),
+    }
+}
+
+fn test_all<T: TriangleTest>(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
     let scale = SceneScale::of(&mesh.bounds());
     let Some(setup) = RaySetup::new(ray, scale) else { return Hit::MISS };
+    let test = T::new(&setup);
     let mut hit = no_hit(setup.t_max);
     for (id, triangle) in (0..).zip(mesh.triangles()) {
-        let triangle = EdgeTriangle::new(&scale.triangle(triangle));
-        intersect(&triangle, id, setup.origin, setup.direction, setup.t_min, &mut hit);
+        test.intersect(words(mode, &scale.triangle(triangle)), id, setup.t_min, &mut hit);
     }
     setup.finish(settle(hit))
 }

@@ -16,13 +16,15 @@
 //! | item | what it is |
 //! |---|---|
 //! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
+//! | [`Mode`] | watertight, the default: no ray slips between two triangles; or fast |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
+//! | [`DoubleScene`] | rays and triangles in `f64`, for scenes whose detail is lost in `f32` |
 //! | [`brute_force`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
 //!
-//! All of them use one sequence of triangle arithmetic, fused multiply-adds included, so a hit
-//! has the same `t`, `u` and `v` to the last bit whichever kernel found it, and among hits at
-//! equal `t` the smallest `prim_id` wins everywhere.
+//! In each mode, all of them use one sequence of triangle arithmetic, fused multiply-adds
+//! included, so a hit has the same `t`, `u` and `v` to the last bit whichever kernel found it, and
+//! among hits at equal `t` the smallest `prim_id` wins everywhere.
 //!
 //! Coordinates of any finite magnitude work: scenes and rays are scaled by powers of two, which
 //! changes no significand, so that products neither overflow nor vanish.
@@ -32,19 +34,24 @@
 mod binary;
 mod brute;
 mod counts;
+mod double;
 mod error;
 mod kernel;
 mod kernels;
+mod mode;
 mod scale;
 mod setup;
 mod triangle;
+mod watertight;
 mod wide;
 
 pub use binary::BinaryScene;
-pub use brute::{brute_force, brute_force_any};
+pub use brute::{brute_force, brute_force_any, brute_force_in};
 pub use counts::Counts;
+pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;
+pub use mode::Mode;
 pub use wide::WideScene;
 
 #[cfg(doctest)]

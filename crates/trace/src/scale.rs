@@ -1,7 +1,7 @@
 //! Powers of two that keep products of coordinates in the range of `f32`.
 
 use crate::setup::MODERATE;
-use niwaki_core::{Aabb, AreaScale, Triangle};
+use niwaki_core::{Aabb, AreaScale, Triangle, glam::Vec3};
 
 /// The power of two that a scene's coordinates are multiplied by before anything else, chosen
 /// from its extent; 1 for scenes of 2⁻²⁰ to 2³⁰ units.
@@ -12,6 +12,8 @@ use niwaki_core::{Aabb, AreaScale, Triangle};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SceneScale {
     pub(crate) factor: f32,
+    /// Of the scaled scene; a point for an empty one.
+    pub(crate) bounds: Aabb,
     /// The largest coordinate of the scaled scene, by magnitude.
     pub(crate) magnitude: f32,
     /// Nothing is scaled, and no coordinate is over [`MODERATE`].
@@ -21,12 +23,13 @@ pub(crate) struct SceneScale {
 impl SceneScale {
     pub(crate) fn of(bounds: &Aabb) -> Self {
         let factor = AreaScale::of(bounds).get();
-        let magnitude = if bounds.is_empty() {
-            0.0
+        let bounds = if bounds.is_empty() {
+            Aabb::new(Vec3::ZERO, Vec3::ZERO)
         } else {
-            (bounds.min.abs().max(bounds.max.abs()) * factor).max_element()
+            Aabb { min: bounds.min * factor, max: bounds.max * factor }
         };
-        Self { factor, magnitude, is_moderate: factor == 1.0 && magnitude <= MODERATE }
+        let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
+        Self { factor, bounds, magnitude, is_moderate: factor == 1.0 && magnitude <= MODERATE }
     }
 
     #[inline]

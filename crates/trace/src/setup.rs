@@ -121,7 +121,14 @@ impl Slabs {
     #[inline(always)]
     pub(crate) fn new(ray: &RaySetup, magnitude: f32) -> Self {
         // Twice the bound above, which also covers forming the offsets themselves.
-        const PAD: f32 = 4.0 * f32::EPSILON;
+        let pad = (Vec3A::from(ray.origin).abs() + magnitude) * (4.0 * f32::EPSILON);
+        Self::padded(ray, pad, pad)
+    }
+
+    /// Slabs of boxes that are larger by `near` on the sides where the ray enters and by `far`
+    /// where it leaves.
+    #[inline(always)]
+    pub(crate) fn padded(ray: &RaySetup, near: Vec3A, far: Vec3A) -> Self {
         // A component 2⁻⁶⁰ of the longest moves the ray by less than the pad over the whole
         // scene; taking it for smaller ones keeps the reciprocal finite. The sign bit stays, so
         // that −0.0 enters at the upper plane.
@@ -130,8 +137,8 @@ impl Slabs {
         let least = length.max_element() * f32::from_bits((127 - 60) << 23);
         let inverse = length.max(Vec3A::splat(least)).recip().copysign(direction);
         let offset = origin * -inverse;
-        let pad = (origin.abs() + magnitude) * inverse.abs() * PAD;
-        let (mut near_offset, mut far_offset) = (offset - pad, offset + pad);
+        let size = inverse.abs();
+        let (mut near_offset, mut far_offset) = (offset - near * size, offset + far * size);
         if ray.is_extreme {
             // Finite limits keep ∞ − ∞ out of the test of empty slots.
             let limit = Vec3A::splat(f32::MAX);

@@ -1,6 +1,91 @@
 //! The triangle test that all kernels share.
 
+use crate::{
+    mode::Mode,
+    scale::SceneScale,
+    setup::{RaySetup, Slabs},
+    watertight::{self, Sheared},
+};
 use niwaki_core::{Hit, Triangle, glam::Vec3};
+
+/// A triangle test of the scalar kernels, prepared for a ray.
+pub(crate) trait TriangleTest {
+    fn new(ray: &RaySetup) -> Self;
+
+    /// The slabs that go with the test.
+    fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs;
+
+    /// How much larger boxes must be where the ray enters and where it leaves, in a slab test
+    /// without an error of its own but relative ones of three roundings.
+    fn pads(ray: &RaySetup, scale: &SceneScale) -> [f32; 2];
+
+    /// Replaces `hit` if the triangle of these [`words`] is met from `t_min` on and before it, or
+    /// at the same distance with a smaller id.
+    fn intersect(&self, words: [Vec3; 3], prim_id: u32, t_min: f32, hit: &mut Hit);
+}
+
+/// What a mode keeps of a triangle.
+#[inline]
+pub(crate) fn words(mode: Mode, triangle: &Triangle) -> [Vec3; 3] {
+    match mode {
+        Mode::Fast => {
+            let EdgeTriangle { v0, e1, e2 } = EdgeTriangle::new(triangle);
+            [v0, e1, e2]
+        }
+        Mode::Watertight => triangle.vertices(),
+    }
+}
+
+/// The test of [`Mode::Fast`].
+pub(crate) struct Fast {
+    origin: Vec3,
+    direction: Vec3,
+}
+
+impl TriangleTest for Fast {
+    #[inline(always)]
+    fn new(ray: &RaySetup) -> Self {
+        Self { origin: ray.origin, direction: ray.direction }
+    }
+
+    #[inline(always)]
+    fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
+        Slabs::new(ray, scale.magnitude)
+    }
+
+    #[inline(always)]
+    fn pads(_: &RaySetup, _: &SceneScale) -> [f32; 2] {
+        [0.0; 2]
+    }
+
+    #[inline(always)]
+    fn intersect(&self, [v0, e1, e2]: [Vec3; 3], prim_id: u32, t_min: f32, hit: &mut Hit) {
+        let triangle = EdgeTriangle { v0, e1, e2 };
+        intersect(&triangle, prim_id, self.origin, self.direction, t_min, hit);
+    }
+}
+
+impl TriangleTest for Sheared {
+    #[inline(always)]
+    fn new(ray: &RaySetup) -> Self {
+        Self::new(ray)
+    }
+
+    #[inline(always)]
+    fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
+        watertight::slabs(ray, scale)
+    }
+
+    #[inline(always)]
+    fn pads(ray: &RaySetup, scale: &SceneScale) -> [f32; 2] {
+        watertight::pads(ray, scale)
+    }
+
+    #[inline(always)]
+    fn intersect(&self, corners: [Vec3; 3], prim_id: u32, t_min: f32, hit: &mut Hit) {
+        self.intersect(corners, prim_id, t_min, hit);
+    }
+}
 
 /// A triangle as the test wants it: a corner and two edges.
 #[derive(Clone, Copy, Debug)]

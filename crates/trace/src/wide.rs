@@ -3,8 +3,8 @@
 #[cfg(target_arch = "x86_64")]
 use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
 use crate::{
-    Counts, Kernel, SceneError, counts::Counter, kernels::scalar, scale::SceneScale,
-    setup::RaySetup, triangle::EdgeTriangle,
+    Counts, Kernel, Mode, SceneError, counts::Counter, kernels::scalar, scale::SceneScale,
+    setup::RaySetup, triangle::words,
 };
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh, memory::prefer_large_pages};
 use niwaki_wide::{Bvh8, Child, CollapseSettings, WideBvh, WideNode};
@@ -28,7 +28,9 @@ pub struct WideScene<const W: usize = 8> {
 #[derive(Debug)]
 pub(crate) struct Layout<const W: usize> {
     pub(crate) nodes: Vec<WideNode<W>>,
-    /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z. A leaf
+    pub(crate) mode: Mode,
+    /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z in the fast
+    /// mode, v0, v1 and v2 in the watertight one, which needs corners that neighbours share. A leaf
     /// whose first reference is `i` begins at word `9·i`. Whole vectors are read, so lanes past
     /// the n-th see other rows and leaves: nothing but coordinates is here, as ids would look
     /// like denormals, which make arithmetic slow.
@@ -55,7 +57,15 @@ impl WideScene {
     /// # Errors
     /// [`SceneError`]: the tree is malformed, too large, or not of this mesh.
     pub fn new(bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
-        Self::build_from(Bvh8::collapse(bvh, &CollapseSettings::default())?, mesh)
+        Self::new_in(Mode::default(), bvh, mesh)
+    }
+
+    /// [`WideScene::new`] in another mode than [`Mode::Watertight`], the default.
+    ///
+    /// # Errors
+    /// As [`WideScene::new`].
+    pub fn new_in(mode: Mode, bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, SceneError> {
+        Self::build_in(mode, Bvh8::collapse(bvh, &CollapseSettings::default())?, mesh)
     }
 }
 
@@ -65,6 +75,14 @@ impl<const W: usize> WideScene<W> {
     /// # Errors
     /// [`SceneError::NoSuchTriangle`] if the tree is not of this mesh.
     pub fn build_from(bvh: WideBvh<W>, mesh: &TriangleMesh) -> Result<Self, SceneError> {
+        Self::build_in(Mode::default(), bvh, mesh)
+    }
+
+    /// [`WideScene::build_from`] in another mode than [`Mode::Watertight`], the default.
+    ///
+    /// # Errors
+    /// As [`WideScene::build_from`].
+    pub fn build_in(mode: Mode, bvh: WideBvh<W>, mesh: &TriangleMesh) -> Result<Self, SceneError> {
         let scale = SceneScale::of(&bvh.bounds());
         let stack_bound = bvh.stack_bound();
         let (mut nodes, prim_ids) = bvh.into_parts();
@@ -85,7 +103,7 @@ impl<const W: usize> WideScene<W> {
             .collect();
         shares
             .into_par_iter()
-            .try_for_each(|(chunk, share)| fill(share, chunk, &prim_ids, mesh, scale))?;
+            .try_for_each(|(chunk, share)| fill(mode, share, chunk, &prim_ids, mesh, scale))?;
         if scale.factor != 1.0 {
             nodes.par_iter_mut().with_min_len(NODE_CHUNK).for_each(|node| {
                 for plane in node.bounds.as_flattened_mut() {
@@ -93,7 +111,7 @@ impl<const W: usize> WideScene<W> {
                 }
             });
         }
-        let layout = Arc::new(Layout { nodes, triangles, prim_ids, scale, stack_bound });
+        let layout = Arc::new(Layout { nodes, mode, triangles, prim_ids, scale, stack_bound });
         let kernel = Self::kernels().pop().unwrap_or(Kernel::Scalar);
         Ok(Self { layout, kernel })
     }
@@ -114,6 +132,12 @@ impl<const W: usize> WideScene<W> {
         } else {
             Err(SceneError::KernelUnavailable(kernel))
         }
+    }
+
+    /// What it promises.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.layout.mode
     }
 
     /// The kernel that answers rays.
@@ -156,13 +180,14 @@ impl<const W: usize> WideScene<W> {
 
 /// Fills the words of the leaves of consecutive nodes.
 fn fill<const W: usize>(
-    words: &mut [f32],
+    mode: Mode,
+    share: &mut [f32],
     nodes: &[WideNode<W>],
     prim_ids: &[u32],
     mesh: &TriangleMesh,
     scale: SceneScale,
 ) -> Result<(), SceneError> {
-    let mut rest = words;
+    let mut rest = share;
     let mut gathered = Vec::new();
     for group in nodes.chunks(GATHER) {
         // Vertices are all over memory: a loop that does nothing but read them keeps many reads
@@ -174,9 +199,8 @@ fn fill<const W: usize>(
             return Err(SceneError::NoSuchTriangle { prim_id, triangles: mesh.len() });
         }
         gathered.clear();
-        gathered.extend(
-            ids.iter().map(|&id| EdgeTriangle::new(&scale.triangle(mesh.triangle(id as usize)))),
-        );
+        gathered
+            .extend(ids.iter().map(|&id| words(mode, &scale.triangle(mesh.triangle(id as usize)))));
         let mut triangles = gathered.as_slice();
         for child in group.iter().flat_map(WideNode::iter) {
             let Child::Leaf { count, .. } = child else { continue };
@@ -186,7 +210,7 @@ fn fill<const W: usize>(
             let (leaf, others) = triangles.split_at(n);
             triangles = others;
             for (i, t) in leaf.iter().enumerate() {
-                let words = [t.v0, t.e1, t.e2].map(|v| v.to_array());
+                let words = t.map(|v| v.to_array());
                 for (row, &word) in words.as_flattened().iter().enumerate() {
                     rows[row * n + i] = word;
                 }
@@ -205,11 +229,18 @@ macro_rules! intersector {
                 if self.layout.nodes.is_empty() {
                     return Hit::MISS;
                 }
-                let hit = match self.kernel {
+                let hit = match (self.kernel, self.layout.mode) {
                     $(
-                        // SAFETY: `with_kernel` and `build_from` take available kernels only.
+                        // SAFETY: `with_kernel` and `build_in` take available kernels only.
                         #[cfg(target_arch = "x86_64")]
-                        Kernel::$kernel => unsafe { $module::closest(&self.layout, &setup) },
+                        (Kernel::$kernel, Mode::Fast) => unsafe {
+                            $module::fast::closest(&self.layout, &setup)
+                        },
+                        // SAFETY: as above.
+                        #[cfg(target_arch = "x86_64")]
+                        (Kernel::$kernel, Mode::Watertight) => unsafe {
+                            $module::watertight::closest(&self.layout, &setup)
+                        },
                     )+
                     _ => scalar::trace::<$width, false, _>(&self.layout, &setup, &mut ()),
                 };
@@ -221,11 +252,18 @@ macro_rules! intersector {
                 if self.layout.nodes.is_empty() {
                     return false;
                 }
-                match self.kernel {
+                match (self.kernel, self.layout.mode) {
                     $(
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
-                        Kernel::$kernel => unsafe { $module::any(&self.layout, &setup) },
+                        (Kernel::$kernel, Mode::Fast) => unsafe {
+                            $module::fast::any(&self.layout, &setup)
+                        },
+                        // SAFETY: as above.
+                        #[cfg(target_arch = "x86_64")]
+                        (Kernel::$kernel, Mode::Watertight) => unsafe {
+                            $module::watertight::any(&self.layout, &setup)
+                        },
                     )+
                     _ => scalar::trace::<$width, true, _>(&self.layout, &setup, &mut ()).is_hit(),
                 }

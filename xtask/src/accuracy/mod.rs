@@ -16,7 +16,6 @@ use anyhow::{Context, Result, bail};
 use niwaki_core::Builder;
 use niwaki_metrics::lcv;
 use niwaki_scene::Scene;
-use niwaki_trace::Kernel;
 use std::process::ExitCode;
 use variants::Variant;
 
@@ -59,7 +58,8 @@ fn builders(args: &AccuracyArgs) -> Result<ExitCode> {
     let steps = specs.len() * builders.len() * (1 + 2 * RAY_SETS.len());
     let method = Method {
         builders,
-        kernels: vec![Kernel::best()],
+        kernels: vec![crate::kernel::TraceKernel::best()],
+        robust: false,
         binary: Vec::new(),
         seconds,
         brief: false,

@@ -118,7 +118,8 @@ fn time_once(
     // A peer whose own structure fails still has its tree to show; the failure is reported where
     // that structure should have traced.
     if with_own
-        && let Ok(Some(own)) = group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref()))
+        && let Ok(Some(own)) =
+            group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref(), false))
     {
         times.commit.push(milliseconds(own.time));
     }

@@ -11,6 +11,7 @@ pub(crate) mod traces;
 pub(crate) use matrix::Shard;
 
 use crate::cli::BenchArgs;
+use crate::kernel::TraceKernel;
 use crate::registry::{self, TreeBuilder};
 use crate::results::{Failure, Results, Row, Run, SceneInfo, Source};
 use crate::scenes::{SceneSpec, drop_repeated, make_names_unique};
@@ -21,7 +22,7 @@ use matrix::{ScenePlan, plan};
 use niwaki_core::Builder;
 use niwaki_peers::{Embree, EmbreeSettings};
 use niwaki_scene::Scene;
-use niwaki_trace::{Kernel, WideScene};
+use niwaki_trace::WideScene;
 use progress::Progress;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rays::RaySet;
@@ -43,7 +44,9 @@ struct Setup {
 /// Who is measured, and how.
 pub(crate) struct Method {
     pub(crate) builders: Vec<TreeBuilder>,
-    pub(crate) kernels: Vec<Kernel>,
+    pub(crate) kernels: Vec<TraceKernel>,
+    /// Embree's robust mode is measured too.
+    pub(crate) robust: bool,
     /// Builders whose binary trees are traced too, by the scalar reference kernel.
     pub(crate) binary: Vec<String>,
     /// Least time of each measurement.
@@ -129,16 +132,17 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     }
 
     let groups: usize = plans.iter().map(|plan| plan.threads.len()).sum();
-    let kernels = kernels(&args.kernels)?;
+    let kernels = TraceKernel::select(&args.kernels)?;
     let engines = builders
         .iter()
-        .map(|b| kernels.len() + usize::from(b.source() != Source::Niwaki))
+        .map(|b| kernels.len() + traces::own_structures(b.source(), args.robust))
         .sum::<usize>();
     let steps = plans.len() + groups * (builders.len() + engines * ray_sets.len());
     let seconds = if args.quick { 0.1 } else { 0.5 };
     let method = Method {
         builders,
         kernels,
+        robust: args.robust,
         binary: Vec::new(),
         seconds,
         brief: false,
@@ -237,25 +241,6 @@ fn threads(args: &BenchArgs) -> Vec<usize> {
         }
     }
     threads
-}
-
-fn kernels(names: &[String]) -> Result<Vec<Kernel>> {
-    if names.is_empty() {
-        return Ok(vec![Kernel::best()]);
-    }
-    let mut kernels = Vec::new();
-    for name in names {
-        let Some(kernel) = Kernel::ALL.into_iter().find(|kernel| kernel.name() == name) else {
-            bail!("`{name}` is no kernel; known are {}", Kernel::ALL.map(Kernel::name).join(", "));
-        };
-        if !kernel.is_available() {
-            bail!("this processor lacks the instructions of the kernel {name}");
-        }
-        if !kernels.contains(&kernel) {
-            kernels.push(kernel);
-        }
-    }
-    Ok(kernels)
 }
 
 /// The version that this program was built with.

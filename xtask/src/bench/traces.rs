@@ -8,7 +8,7 @@ use crate::machine;
 use crate::registry::TreeBuilder;
 use crate::results::{Source, TraceRow};
 use niwaki_core::{Hit, Intersector, Ray};
-use niwaki_trace::{BinaryScene, Counts, WideScene};
+use niwaki_trace::{BinaryScene, Counts, Mode, WideScene};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -97,10 +97,10 @@ pub(crate) fn measure(
         let mut engines = Vec::new();
         let mut used = 0;
         while let Some(tree) = rest.peek() {
-            // A binary tree, or a peer's own structure.
-            let other = method.binary.contains(&tree.builder.full_name())
-                || tree.builder.source() != Source::Niwaki;
-            let scenes = method.kernels.len() + usize::from(other);
+            // One a kernel of ours at most, a binary tree, a peer's own structures.
+            let scenes = method.kernels.len()
+                + usize::from(method.binary.contains(&tree.builder.full_name()))
+                + own_structures(tree.builder.source(), method.robust);
             used += tree.row.references * BYTES_PER_REFERENCE * scenes;
             if used > room && !engines.is_empty() {
                 break;
@@ -121,27 +121,44 @@ pub(crate) fn measure(
 /// The name of the scalar reference kernel over binary trees.
 pub(crate) const BINARY: &str = "binary";
 
+/// What is put behind the name of a peer for its robust mode.
+pub(crate) const ROBUST: &str = "_robust";
+
+/// How many structures of its own a peer makes for its own kernels: Embree one for its default
+/// mode, and one for its robust mode if that was asked for.
+pub(crate) fn own_structures(source: Source, robust: bool) -> usize {
+    match source {
+        Source::Niwaki => 0,
+        Source::Embree => 1 + usize::from(robust),
+        Source::Obvhs => 1,
+    }
+}
+
 /// What traces a tree: our kernels, and the peer's own.
 fn make<'a>(method: &Method, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engine<'a>> {
     let Built { builder, bvh, .. } = tree;
     let mesh = &group.scene.mesh;
     let mut engines = Vec::new();
-    match group.all_cores.install(|| WideScene::new(&bvh, mesh)) {
-        Ok(scene) => {
-            let mut scenes = vec![scene; method.kernels.len()];
-            for &kernel in &method.kernels {
-                let Some(scene) = scenes.pop() else { break };
-                match scene.with_kernel(kernel) {
-                    Ok(scene) => engines.push(Engine {
-                        builder,
-                        kernel: kernel.name().to_owned(),
-                        kind: Kind::Wide(Box::new(scene)),
-                    }),
-                    Err(error) => group.fail(builder, &error.into()),
+    for mode in Mode::ALL {
+        let mut kernels = method.kernels.iter().filter(|kernel| kernel.mode == mode).peekable();
+        if kernels.peek().is_none() {
+            continue;
+        }
+        match group.all_cores.install(|| WideScene::new_in(mode, &bvh, mesh)) {
+            Ok(scene) => {
+                for kernel in kernels {
+                    match scene.clone().with_kernel(kernel.kernel) {
+                        Ok(scene) => engines.push(Engine {
+                            builder,
+                            kernel: kernel.name(),
+                            kind: Kind::Wide(Box::new(scene)),
+                        }),
+                        Err(error) => group.fail(builder, &error.into()),
+                    }
                 }
             }
+            Err(error) => group.fail(builder, &error.into()),
         }
-        Err(error) => group.fail(builder, &error.into()),
     }
     if method.binary.contains(&builder.full_name()) {
         match group.all_cores.install(|| BinaryScene::new(&bvh, mesh)) {
@@ -157,14 +174,17 @@ fn make<'a>(method: &Method, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engi
     if method.brief {
         return engines;
     }
-    match group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref())) {
-        Ok(Some(own)) => engines.push(Engine {
-            builder,
-            kernel: builder.source().name().to_owned(),
-            kind: Kind::Own(own.scene),
-        }),
-        Ok(None) => {}
-        Err(error) => group.fail(builder, &error),
+    for i in 0..own_structures(builder.source(), method.robust) {
+        let robust = i == 1;
+        match group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref(), robust)) {
+            Ok(Some(own)) => engines.push(Engine {
+                builder,
+                kernel: builder.source().name().to_owned() + if robust { ROBUST } else { "" },
+                kind: Kind::Own(own.scene),
+            }),
+            Ok(None) => {}
+            Err(error) => group.fail(builder, &error),
+        }
     }
     engines
 }

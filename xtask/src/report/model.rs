@@ -1,6 +1,7 @@
 //! What the rows of a results file say together: groups that may be compared, and ratios.
 
 use super::break_even::Cost;
+use crate::bench::traces::ROBUST;
 use crate::results::{BuildRow, Results, Source, TraceRow};
 
 /// Measurements of one scene at one number of threads in one run. Only these are compared: they
@@ -34,6 +35,9 @@ impl Engine<'_> {
     pub(crate) fn label(&self) -> String {
         match self.source {
             Source::Niwaki => self.builder.to_owned(),
+            source if self.kernel.ends_with(ROBUST) => {
+                format!("{}:{} robust", source.name(), self.builder)
+            }
             source if self.is_peers_own() => format!("{}:{}", source.name(), self.builder),
             source => format!("{}:{} tree", source.name(), self.builder),
         }
@@ -42,7 +46,7 @@ impl Engine<'_> {
 
 /// True for a peer's own kernel.
 pub(crate) fn is_peers(kernel: &str) -> bool {
-    kernel == Source::Embree.name() || kernel.starts_with(Source::Obvhs.name())
+    kernel.starts_with(Source::Embree.name()) || kernel.starts_with(Source::Obvhs.name())
 }
 
 /// The groups in the order of their first row.

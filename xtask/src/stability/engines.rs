@@ -6,7 +6,7 @@ use crate::verify::kernels::{BruteForce, each_kernel};
 use anyhow::{Context as _, Result};
 use niwaki_core::{Builder, Intersector, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
-use niwaki_trace::Kernel;
+use niwaki_trace::{Kernel, Mode};
 
 /// A builder of ours, or a structure of a peer.
 pub(crate) enum Engine {
@@ -63,8 +63,7 @@ impl Engine {
     /// The name of the kernel, where there is but one.
     pub(crate) const fn kernel(&self) -> Option<&'static str> {
         match self {
-            Self::BruteForce => Some("brute_force"),
-            Self::Ours(_) => None,
+            Self::BruteForce | Self::Ours(_) => None,
             Self::Embree { robust: false, .. } => Some("fast"),
             Self::Embree { robust: true, .. } => Some("robust"),
             Self::Obvhs { kernel: ObvhsKernel::Bvh2, .. } => Some("bvh2"),
@@ -86,8 +85,16 @@ impl Engine {
     ) -> Result<()> {
         let kernel = self.kernel().unwrap_or_default();
         match self {
-            Self::BruteForce => f(kernel, &BruteForce(mesh)),
-            Self::Ours(builder) => each_kernel(&builder.build_mesh(mesh)?, mesh, f)?,
+            Self::BruteForce => {
+                for mode in Mode::ALL {
+                    let name = if mode == Mode::default() { "brute" } else { "brute_fast" };
+                    f(name, &BruteForce(mode, mesh));
+                }
+            }
+            Self::Ours(builder) => {
+                let bvh = builder.build_mesh(mesh)?;
+                each_kernel(&bvh, mesh, |kernel, _, scene| f(kernel, scene))?;
+            }
             Self::Embree { quality, robust } => {
                 let embree = embree.context("Embree is not loaded")?;
                 f(kernel, &EmbreeScene::new(embree, mesh, *quality, *robust)?);
@@ -105,7 +112,7 @@ pub(crate) fn is_fastest(kernel: &str) -> bool {
     kernel.starts_with(Kernel::best().name())
 }
 
-/// True for kernels that promise to let nothing out of a closed surface.
+/// True for kernels of ours that promise to let nothing out of a closed surface.
 pub(crate) fn is_watertight(kernel: &str) -> bool {
-    kernel.ends_with("watertight")
+    !kernel.ends_with("_fast")
 }

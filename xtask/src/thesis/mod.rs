@@ -23,7 +23,6 @@ use anyhow::{Context, Result, bail};
 use compare::Comparison;
 use measure::{SceneResult, Settings};
 use names::Standing;
-use niwaki_trace::Kernel;
 use orderings::{Pair, Tally};
 use plan::{Plan, Plans};
 use published::{Item, Published};
@@ -84,7 +83,8 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
     let method = Method {
         progress: Progress::new(plans.plans.len() * measure::steps(builders.len())),
         builders,
-        kernels: vec![Kernel::best()],
+        kernels: vec![crate::kernel::TraceKernel::best()],
+        robust: false,
         binary: Vec::new(),
         seconds: args.seconds(),
         brief: true,

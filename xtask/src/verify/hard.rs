@@ -3,14 +3,15 @@
 use super::{
     Options,
     compare::{Reference, any, closest},
+    full::Failed,
     kernels::{BruteForce, Named, each_kernel},
-    ledger::{Culprit, LeakRow, Ledger, Row},
+    ledger::{Absent, Culprit, LeakRow, Ledger, Row},
     trees::build_and_check,
 };
 use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh, float::round_down};
 use niwaki_exact::closest_in_mesh;
 use niwaki_hard_cases::{Case, bad_rays, closed_star, rays};
-use niwaki_trace::WideScene;
+use niwaki_trace::{Mode, WideScene};
 
 /// Triangle tests a case may spend on brute force.
 const BRUTE_FORCE_TESTS: usize = 40_000_000;
@@ -41,16 +42,20 @@ fn run_case(
     let mesh = &case.mesh;
     let affordable = BRUTE_FORCE_TESTS / mesh.len().max(1) / 11;
     let rays = rays(mesh, options.hard_rays.min(affordable).max(8), options.seed);
-    let brute = BruteForce(mesh);
-    let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
-    let flags = Reference::new(mesh, &rays, any(&brute, &rays));
-    against_exact(case, &rays, ledger);
+    let affordable = (EXACT_TESTS / mesh.len().max(1)).max(8);
+    let truth = exact_answers(mesh, &rays[..rays.len().min(affordable)]);
+    let references = Mode::ALL.map(|mode| {
+        let brute = BruteForce(mode, mesh);
+        against_exact(case, &brute, &truth, ledger);
+        let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
+        (mode, hits, Reference::new(mesh, &rays, any(&brute, &rays)))
+    });
     let bad = bad_rays(mesh);
     for builder in builders {
         let Some(bvh) = build_and_check(case.name, mesh, builder.as_ref(), ledger)? else {
             continue;
         };
-        each_kernel(&bvh, mesh, |kernel, scene| {
+        each_kernel(&bvh, mesh, |kernel, mode, scene| {
             let mut add = |query, (tally, wrong): (_, Vec<String>)| {
                 ledger.rows.push(Row {
                     scene: case.name.to_owned(),
@@ -68,8 +73,10 @@ fn run_case(
                     what,
                 }));
             };
-            add("closest", hits.compare(&closest(scene, &rays)));
-            add("any", flags.compare(&any(scene, &rays)));
+            for (_, hits, flags) in references.iter().filter(|reference| reference.0 == mode) {
+                add("closest", hits.compare(&closest(scene, &rays)));
+                add("any", flags.compare(&any(scene, &rays)));
+            }
             for (i, ray) in bad.iter().enumerate() {
                 if scene.closest_hit(ray).is_hit() || scene.any_hit(ray) {
                     ledger.culprits.push(Culprit {
@@ -104,23 +111,24 @@ pub(crate) fn exact_answers(mesh: &TriangleMesh, rays: &[Ray]) -> (Vec<Ray>, Vec
         .unzip()
 }
 
-/// Brute force against the exact answer: all kernels share one triangle test, so a fault of that
-/// test would not show between them.
-fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
+/// Brute force against the exact answer: the kernels of a mode share one triangle test, so a fault
+/// of that test would not show between them.
+fn against_exact(
+    case: &Case,
+    brute: &BruteForce<'_>,
+    (rays, hits): &(Vec<Ray>, Vec<Hit>),
+    ledger: &mut Ledger,
+) {
     let mesh = &case.mesh;
-    let affordable = EXACT_TESTS / mesh.len().max(1);
-    let (asked, truth) = exact_answers(mesh, &rays[..rays.len().min(affordable.max(8))]);
-    let rays = asked.as_slice();
-    let brute = BruteForce(mesh);
-    let occluded = truth.iter().map(Hit::is_hit).collect();
-    let (tally, wrong) = Reference::new(mesh, rays, truth).compare(&closest(&brute, rays));
-    let (any_tally, any_wrong) = Reference::new(mesh, rays, occluded).compare(&any(&brute, rays));
+    let occluded = hits.iter().map(Hit::is_hit).collect();
+    let (tally, wrong) = Reference::new(mesh, rays, hits.clone()).compare(&closest(brute, rays));
+    let (any_tally, any_wrong) = Reference::new(mesh, rays, occluded).compare(&any(brute, rays));
     for (query, tally) in [("closest", tally), ("any", any_tally)] {
         ledger.rows.push(Row {
             scene: case.name.to_owned(),
             triangles: mesh.len(),
             builder: "none".to_owned(),
-            kernel: "brute_force".to_owned(),
+            kernel: format!("brute_force_{}", brute.0),
             against: "exact".to_owned(),
             query,
             tally,
@@ -129,39 +137,62 @@ fn against_exact(case: &Case, rays: &[Ray], ledger: &mut Ledger) {
     ledger.culprits.extend(wrong.into_iter().chain(any_wrong).map(|what| Culprit {
         scene: case.name.to_owned(),
         builder: "none".to_owned(),
-        check: "triangle test against the exact answer".to_owned(),
+        check: format!("{} triangle test against the exact answer", brute.0),
         what,
     }));
 }
 
-/// Counts leaks of our fastest kernel and of `peers` on closed surfaces of several sizes and
-/// places. Leaks are counted, not judged: `fast` kernels have them, ours and the peers'.
+/// Counts leaks of our fastest kernels and of `peers` on closed surfaces of several sizes and
+/// places. Those of fast kernels are counted, not judged, ours and the peers'; a watertight one
+/// must have none.
 pub(crate) fn leaks(
     options: &Options,
     builder: &dyn Builder,
-    peers: &dyn Fn(&TriangleMesh) -> anyhow::Result<Named>,
-) -> anyhow::Result<Vec<LeakRow>> {
-    let mut rows = Vec::new();
+    peers: &dyn Fn(&TriangleMesh) -> (Named, Failed),
+    ledger: &mut Ledger,
+) -> anyhow::Result<()> {
     for (name, size, offset) in [
         ("size 1", 1.0, [0.0; 3]),
         ("size 1 at (1e3, 7e2, -1.3e3)", 1.0, [1e3, 7e2, -1.3e3]),
+        ("size 1e4 at (1e7, 7e6, -1.3e7)", 1e4, [1e7, 7e6, -1.3e7]),
         ("size 1e-6", 1e-6, [0.0; 3]),
         ("size 1e6", 1e6, [0.0; 3]),
+        ("size 1e-30", 1e-30, [0.0; 3]),
+        ("size 1e30", 1e30, [0.0; 3]),
     ] {
         let mesh = closed_star(6, size, offset.into(), options.seed);
         let rays = from_inside(&mesh, size, offset.into(), options.leak_rays);
         let mut add = |kernel: &str, scene: &dyn Intersector| {
             let leaks = closest(scene, &rays).iter().filter(|hit| !hit.is_hit()).count();
             let scene = name.to_owned();
-            rows.push(LeakRow { scene, kernel: kernel.to_owned(), rays: rays.len(), leaks });
+            ledger.leaks.push(LeakRow {
+                scene,
+                kernel: kernel.to_owned(),
+                rays: rays.len(),
+                leaks,
+            });
+            leaks
         };
         let bvh = builder.build_mesh(&mesh)?;
-        add("niwaki fast", &WideScene::new(&bvh, &mesh)?);
-        for (name, scene) in peers(&mesh)? {
+        add("niwaki fast", &WideScene::new_in(Mode::Fast, &bvh, &mesh)?);
+        let watertight = WideScene::new_in(Mode::Watertight, &bvh, &mesh)?;
+        let leaks = add("niwaki watertight", &watertight);
+        let (kernels, absent) = peers(&mesh);
+        for (name, scene) in kernels {
             add(&name, scene.as_ref());
         }
+        let absent = absent.iter().map(|(peer, error)| Absent::new(name, peer, error));
+        ledger.absent.extend(absent);
+        if leaks > 0 {
+            ledger.culprits.push(Culprit {
+                scene: name.to_owned(),
+                builder: builder.name().to_owned(),
+                check: "watertight".to_owned(),
+                what: format!("{leaks} of {} rays left a closed surface", rays.len()),
+            });
+        }
     }
-    Ok(rows)
+    Ok(())
 }
 
 /// Rays from points well inside the star, aimed exactly at corners and at points on edges.
@@ -199,7 +230,7 @@ mod tests {
         assert!(
             rays.iter().all(|r| (r.origin - niwaki_core::glam::Vec3::X * 5.0).length() <= 1.001)
         );
-        let hits = closest(&BruteForce(&mesh), &rays);
+        let hits = closest(&BruteForce(Mode::Fast, &mesh), &rays);
         let lost = hits.iter().filter(|h| !h.is_hit()).count();
         assert!(lost < 100, "most rays must hit, {lost} of 500 did not");
     }

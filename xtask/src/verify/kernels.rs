@@ -1,35 +1,39 @@
 //! Our kernels over one tree, and the reference without a tree.
 
+use crate::kernel::TraceKernel;
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_trace::{BinaryScene, Kernel, SceneError, WideScene, brute_force, brute_force_any};
+use niwaki_trace::{BinaryScene, Mode, SceneError, WideScene, brute_force_in};
 
 /// Every triangle tested for every ray.
-pub(crate) struct BruteForce<'a>(pub(crate) &'a TriangleMesh);
+pub(crate) struct BruteForce<'a>(pub(crate) Mode, pub(crate) &'a TriangleMesh);
 
 impl Intersector for BruteForce<'_> {
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        brute_force(self.0, ray)
+        brute_force_in(self.0, self.1, ray)
     }
     fn any_hit(&self, ray: &Ray) -> bool {
-        brute_force_any(self.0, ray)
+        self.closest_hit(ray).is_hit()
     }
 }
 
 /// Kernels of any make with their names.
 pub(crate) type Named = Vec<(String, Box<dyn Intersector>)>;
 
-/// Calls `f` with every kernel that this processor can run over the tree: the binary reference,
-/// then the 8-wide ones, slowest first.
+/// Calls `f` with every kernel that this processor can run over the tree, its name and its mode:
+/// in each mode the binary reference, then the 8-wide ones, slowest first.
 pub(crate) fn each_kernel(
     bvh: &Bvh,
     mesh: &TriangleMesh,
-    mut f: impl FnMut(&str, &dyn Intersector),
+    mut f: impl FnMut(&str, Mode, &dyn Intersector),
 ) -> Result<(), SceneError> {
-    f("binary", &BinaryScene::new(bvh, mesh)?);
-    let mut wide = WideScene::new(bvh, mesh)?;
-    for kernel in Kernel::available() {
-        wide = wide.with_kernel(kernel)?;
-        f(kernel.name(), &wide);
+    for mode in Mode::ALL {
+        let name = if mode == Mode::default() { "binary" } else { "binary_fast" };
+        f(name, mode, &BinaryScene::new_in(mode, bvh, mesh)?);
+        let mut wide = WideScene::new_in(mode, bvh, mesh)?;
+        for kernel in TraceKernel::available().into_iter().filter(|kernel| kernel.mode == mode) {
+            wide = wide.with_kernel(kernel.kernel)?;
+            f(&kernel.name(), mode, &wide);
+        }
     }
     Ok(())
 }

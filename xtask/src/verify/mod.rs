@@ -79,7 +79,7 @@ pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
         hard::run(&options, &builders, &mut ledger, |what| bar.set_message(what.to_owned()))?;
         bar.set_message("leaks of closed surfaces");
         let peers = |mesh: &_| full::peer_kernels(embree.as_ref(), mesh);
-        ledger.leaks = hard::leaks(&options, builders[0].as_ref(), &peers)?;
+        hard::leaks(&options, builders[0].as_ref(), &peers, &mut ledger)?;
     }
     let sources = scenes(args)?;
     let mut unloadable = Vec::new();

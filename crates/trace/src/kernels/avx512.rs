@@ -2,11 +2,14 @@
 
 use super::{
     simd::define_traversal,
+    simd_fast::define_fast_corners,
+    simd_watertight::define_watertight_corners,
     sort::{sort4, sort8},
     stack::{Heap, UNINIT, room},
     vectors::vectors256::*,
 };
 use crate::{
+    scale::SceneScale,
     setup::{RaySetup, Slabs},
     triangle::no_hit,
     wide::{Layout, WORDS},
@@ -15,7 +18,24 @@ use niwaki_core::Hit;
 use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
 
-define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8);
+/// For scenes in [`crate::Mode::Fast`].
+pub(crate) mod fast {
+    use super::*;
+
+    define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8, define_fast_corners);
+}
+
+/// For scenes in [`crate::Mode::Watertight`].
+pub(crate) mod watertight {
+    use super::*;
+    use crate::watertight::{self, CERTAIN, Sheared};
+
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        8,
+        define_watertight_corners
+    );
+}
 
 /// Lanes with `a ≤ b`.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]

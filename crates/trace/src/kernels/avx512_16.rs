@@ -2,11 +2,14 @@
 
 use super::{
     simd::define_traversal,
+    simd_fast::define_fast_corners,
+    simd_watertight::define_watertight_corners,
     sort::{sort4, sort8},
     stack::{Heap, UNINIT, room},
     vectors::vectors512::*,
 };
 use crate::{
+    scale::SceneScale,
     setup::{RaySetup, Slabs},
     triangle::no_hit,
     wide::{Layout, WORDS},
@@ -15,7 +18,24 @@ use niwaki_core::Hit;
 use niwaki_wide::Node16 as Node;
 use std::arch::x86_64::*;
 
-define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 16);
+/// For scenes in [`crate::Mode::Fast`].
+pub(crate) mod fast {
+    use super::*;
+
+    define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 16, define_fast_corners);
+}
+
+/// For scenes in [`crate::Mode::Watertight`].
+pub(crate) mod watertight {
+    use super::*;
+    use crate::watertight::{self, CERTAIN, Sheared};
+
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        16,
+        define_watertight_corners
+    );
+}
 
 /// Lanes with `a ≤ b`.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]
@@ -42,13 +62,13 @@ fn sorted_keys(keys: __m512i, mask: u32) -> __m512i {
 /// smaller.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]
 fn sort_by_rank(keys: __m512i, count: u32) -> __m512i {
-    let mut sorted = [i32::MAX; W];
+    let mut sorted = [i32::MAX; 16];
     let mut rest = keys;
     for _ in 0..count {
         let key = _mm_cvtsi128_si32(_mm512_castsi512_si128(rest));
         rest = _mm512_alignr_epi32::<1>(rest, rest);
         let smaller = _mm512_cmplt_epi32_mask(keys, _mm512_set1_epi32(key));
-        sorted[smaller.count_ones() as usize % W] = key;
+        sorted[smaller.count_ones() as usize % 16] = key;
     }
     // SAFETY: sixteen words.
     unsafe { _mm512_loadu_si512(sorted.as_ptr().cast()) }

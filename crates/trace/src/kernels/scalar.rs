@@ -2,8 +2,10 @@
 
 use crate::{
     counts::Counter,
+    mode::Mode,
     setup::{RaySetup, Slabs},
-    triangle::{EdgeTriangle, intersect, no_hit, settle},
+    triangle::{Fast, TriangleTest, no_hit, settle},
+    watertight::Sheared,
     wide::{Layout, WORDS},
 };
 use niwaki_core::{Hit, glam::Vec3};
@@ -15,32 +17,44 @@ pub(crate) fn trace<const W: usize, const ANY: bool, C: Counter>(
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
+    match scene.mode {
+        Mode::Fast => dispatch::<W, ANY, Fast, C>(scene, setup, counter),
+        Mode::Watertight => dispatch::<W, ANY, Sheared, C>(scene, setup, counter),
+    }
+}
+
+fn dispatch<const W: usize, const ANY: bool, T: TriangleTest, C: Counter>(
+    scene: &Layout<W>,
+    setup: &RaySetup,
+    counter: &mut C,
+) -> Hit {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("fma") {
         // SAFETY: the processor has the instructions, as just checked.
-        return unsafe { traverse_fma::<W, ANY, C>(scene, setup, counter) };
+        return unsafe { traverse_fma::<W, ANY, T, C>(scene, setup, counter) };
     }
-    traverse::<W, ANY, C>(scene, setup, counter)
+    traverse::<W, ANY, T, C>(scene, setup, counter)
 }
 
 /// The same code with hardware multiply-adds, whose results are the same by definition.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "fma")]
-fn traverse_fma<const W: usize, const ANY: bool, C: Counter>(
+fn traverse_fma<const W: usize, const ANY: bool, T: TriangleTest, C: Counter>(
     scene: &Layout<W>,
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
-    traverse::<W, ANY, C>(scene, setup, counter)
+    traverse::<W, ANY, T, C>(scene, setup, counter)
 }
 
 #[inline(always)]
-fn traverse<const W: usize, const ANY: bool, C: Counter>(
+fn traverse<const W: usize, const ANY: bool, T: TriangleTest, C: Counter>(
     scene: &Layout<W>,
     setup: &RaySetup,
     counter: &mut C,
 ) -> Hit {
-    let slabs = Slabs::new(setup, scene.scale.magnitude);
+    let slabs = T::slabs(setup, &scene.scale);
+    let test = T::new(setup);
     let mut hit = no_hit(setup.t_max);
     let mut stack = Vec::with_capacity(scene.stack_bound.min(64));
     stack.push((Child::Node(0), setup.t_min));
@@ -51,7 +65,7 @@ fn traverse<const W: usize, const ANY: bool, C: Counter>(
         match child {
             Child::Leaf { first, count } => {
                 counter.leaf(count);
-                intersect_leaf(scene, first as usize, count as usize, setup, &mut hit);
+                intersect_leaf(scene, first as usize, count as usize, &test, setup.t_min, &mut hit);
                 if ANY && hit.is_hit() {
                     return hit;
                 }
@@ -96,11 +110,12 @@ fn entry<const W: usize>(
 }
 
 #[inline(always)]
-fn intersect_leaf<const W: usize>(
+fn intersect_leaf<const W: usize, T: TriangleTest>(
     scene: &Layout<W>,
     first: usize,
     n: usize,
-    setup: &RaySetup,
+    test: &T,
+    t_min: f32,
     hit: &mut Hit,
 ) {
     let rows = &scene.triangles[WORDS * first..WORDS * (first + n)];
@@ -108,8 +123,7 @@ fn intersect_leaf<const W: usize>(
         let vec = |row: usize| {
             Vec3::new(rows[row * n + i], rows[(row + 1) * n + i], rows[(row + 2) * n + i])
         };
-        let triangle = EdgeTriangle { v0: vec(0), e1: vec(3), e2: vec(6) };
         let id = scene.prim_ids[first + i];
-        intersect(&triangle, id, setup.origin, setup.direction, setup.t_min, hit);
+        test.intersect([vec(0), vec(3), vec(6)], id, t_min, hit);
     }
 }

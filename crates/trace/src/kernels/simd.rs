@@ -1,7 +1,9 @@
 //! The traversal that the x86-64 kernels share, as a macro: code compiled with target features
 //! must carry them in every function, so generics cannot share it.
 
-/// Defines `closest` and `any` for one instruction set and width.
+/// Defines `closest` and `any` for one instruction set, width and triangle test: the last comes
+/// from the macro `$define_corners`, which defines a struct `Corners` (see
+/// `define_fast_corners` and `define_watertight_corners`).
 ///
 /// Needs, in scope: the vector types `Floats` and `Ints` of as many lanes as the tree is wide, the
 /// intrinsics for them under the short names of `vectors128`, `vectors256` or `vectors512`; and
@@ -10,7 +12,7 @@
 /// upwards as signed integers; and `compacted(children, mask) -> Ints`, the children of the lanes
 /// in a mask, moved to the front.
 macro_rules! define_traversal {
-    ($features:literal, $width:literal) => {
+    ($features:literal, $width:literal, $define_corners:ident) => {
         /// The width of the tree, and the lanes of a vector.
         const W: usize = $width;
         /// Bytes of a row of planes.
@@ -30,8 +32,7 @@ macro_rules! define_traversal {
             near_offset: [Floats; 3],
             far_offset: [Floats; 3],
             t_min: Floats,
-            origin: [Floats; 3],
-            direction: [Floats; 3],
+            corners: Corners,
         }
 
         /// What the test of a leaf's triangles gave, lane by lane.
@@ -46,26 +47,26 @@ macro_rules! define_traversal {
             det: Floats,
             /// The first reference.
             first: usize,
+            /// Some lane could not be decided; never so if asked to take care.
+            doubt: bool,
         }
 
         impl Lanes {
             #[target_feature(enable = $features)]
             #[inline]
-            fn new(setup: &RaySetup, magnitude: f32) -> Self {
-                let slabs = Slabs::new(setup, magnitude);
+            fn new(setup: &RaySetup, scale: &SceneScale) -> Self {
+                let slabs = Corners::slabs(setup, scale);
                 let row = |axis: usize, inverse: f32| {
                     2 * ROW * axis + ROW * usize::from(inverse.is_sign_negative())
                 };
                 let (i, n, f) = (slabs.inverse, slabs.near_offset, slabs.far_offset);
-                let (o, d) = (setup.origin, setup.direction);
                 Self {
                     near: [row(0, i.x), row(1, i.y), row(2, i.z)],
                     inverse: [splat(i.x), splat(i.y), splat(i.z)],
                     near_offset: [splat(n.x), splat(n.y), splat(n.z)],
                     far_offset: [splat(f.x), splat(f.y), splat(f.z)],
                     t_min: splat(setup.t_min),
-                    origin: [splat(o.x), splat(o.y), splat(o.z)],
-                    direction: [splat(d.x), splat(d.y), splat(d.z)],
+                    corners: Corners::new(setup),
                 }
             }
 
@@ -92,56 +93,30 @@ macro_rules! define_traversal {
                 (enter, leave)
             }
 
-            /// Tests the triangles of a leaf: `triangle::intersect` in all lanes.
+            /// Tests the triangles of a leaf.
             ///
             /// # Safety
             /// `word` must be a leaf of the scene whose triangles are given.
             #[target_feature(enable = $features)]
             #[inline]
-            unsafe fn leaf(&self, triangles: *const f32, word: u32, t_max: Floats) -> LeafHits {
+            unsafe fn leaf<const CAREFUL: bool>(
+                &self,
+                triangles: *const f32,
+                word: u32,
+                t_max: Floats,
+            ) -> LeafHits {
                 let first = (word & ((1 << SHIFT) - 1)) as usize;
                 let count = (word >> SHIFT & LANE) + 1;
-                let n = count as usize;
-                // SAFETY: nine rows of n words begin here.
+                // SAFETY: nine rows of as many words begin here; the last row's vector ends at
+                // most W − count words behind the leaf, and the array has that much padding at
+                // its end.
                 let base = unsafe { triangles.add(WORDS * first) };
-                // SAFETY: the last row's vector ends at most W − n words behind the leaf, and the
-                // array has that much padding at its end.
-                let row = |i: usize| unsafe { load_unaligned(base.add(i * n)) };
-                let [ox, oy, oz] = self.origin;
-                let [dx, dy, dz] = self.direction;
-                let cx = sub(row(0), ox);
-                let cy = sub(row(1), oy);
-                let cz = sub(row(2), oz);
-                let (ax, ay, az) = (row(3), row(4), row(5));
-                let (bx, by, bz) = (row(6), row(7), row(8));
-                let det2 = |a, b, c, d| mul_sub(a, b, mul(c, d));
-                let r = [det2(cy, dz, cz, dy), det2(cz, dx, cx, dz), det2(cx, dy, cy, dx)];
-                let n3 = [det2(ay, bz, az, by), det2(az, bx, ax, bz), det2(ax, by, ay, bx)];
-                let dot = |a: [Floats; 3], b: [Floats; 3]| {
-                    let z = mul(a[2], b[2]);
-                    mul_add(a[0], b[0], mul_add(a[1], b[1], z))
-                };
-                let sign_bit = splat(-0.0);
-                let zeros = zero();
-                let signed_det = dot(n3, self.direction);
-                let sign = and(signed_det, sign_bit);
-                let det = and_not(sign_bit, signed_det);
-                let u = xor(dot([bx, by, bz], r), sign);
-                let v = xor(dot([ax, ay, az], r), xor(sign, sign_bit));
-                let inside = hit_mask(zeros, u)
-                    & hit_mask(zeros, v)
-                    & hit_mask(add(u, v), det)
-                    & _bzhi_u32(u32::MAX, count);
-                if inside == 0 {
-                    return LeafHits { mask: 0, t: zeros, u, v, det, first };
-                }
-                let t = div(xor(dot(n3, [cx, cy, cz]), sign), det);
-                let in_range = hit_mask(self.t_min, t) & hit_mask(t, t_max);
-                // 0 < det, as opposed to ≤.
-                let not_zero = !hit_mask(det, zeros);
-                LeafHits { mask: inside & in_range & not_zero, t, u, v, det, first }
+                // SAFETY: as just said.
+                unsafe { self.corners.test::<CAREFUL>(base, first, count, self.t_min, t_max) }
             }
         }
+
+        $define_corners!($features);
 
         /// Lane `i` of a vector.
         #[target_feature(enable = $features)]
@@ -172,7 +147,26 @@ macro_rules! define_traversal {
         /// The processor must have the instructions, and the scene nodes.
         #[target_feature(enable = $features)]
         pub(crate) unsafe fn closest(scene: &Layout<W>, setup: &RaySetup) -> Hit {
-            let ray = Lanes::new(setup, scene.scale.magnitude);
+            // SAFETY: the same promise.
+            unsafe { closest_as::<false>(scene, setup) }
+        }
+
+        /// As [`closest`], from the start, for a ray that met a triangle that needs care.
+        ///
+        /// That is a traversal of its own, and not a call where the care is needed, because
+        /// around a call in the loop the compiler would move every register to memory and back.
+        #[target_feature(enable = $features)]
+        #[cold]
+        #[inline(never)]
+        unsafe fn closest_with_care(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+            // SAFETY: the same promise.
+            unsafe { closest_as::<true>(scene, setup) }
+        }
+
+        #[target_feature(enable = $features)]
+        #[inline]
+        unsafe fn closest_as<const CAREFUL: bool>(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+            let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
             let prim_ids = scene.prim_ids.as_ptr();
@@ -240,7 +234,11 @@ macro_rules! define_traversal {
                 }
                 if word.cast_signed() < 0 {
                     // SAFETY: the word of a leaf of this scene.
-                    let hits = unsafe { ray.leaf(triangles, word, t_max) };
+                    let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
+                    if hits.doubt {
+                        // SAFETY: the same promise.
+                        return unsafe { closest_with_care(scene, setup) };
+                    }
                     let mut mask = hits.mask;
                     while mask != 0 {
                         let i = mask.trailing_zeros();
@@ -285,7 +283,23 @@ macro_rules! define_traversal {
         /// As for [`closest`].
         #[target_feature(enable = $features)]
         pub(crate) unsafe fn any(scene: &Layout<W>, setup: &RaySetup) -> bool {
-            let ray = Lanes::new(setup, scene.scale.magnitude);
+            // SAFETY: the same promise.
+            unsafe { any_as::<false>(scene, setup) }
+        }
+
+        /// As [`any`], for a ray that met a triangle that needs care.
+        #[target_feature(enable = $features)]
+        #[cold]
+        #[inline(never)]
+        unsafe fn any_with_care(scene: &Layout<W>, setup: &RaySetup) -> bool {
+            // SAFETY: the same promise.
+            unsafe { any_as::<true>(scene, setup) }
+        }
+
+        #[target_feature(enable = $features)]
+        #[inline]
+        unsafe fn any_as<const CAREFUL: bool>(scene: &Layout<W>, setup: &RaySetup) -> bool {
+            let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
             let (mut array, mut heap) = (UNINIT, Heap::new());
@@ -308,9 +322,16 @@ macro_rules! define_traversal {
                         store_ints(stack.add(depth).cast(), hit);
                     }
                     depth += mask.count_ones() as usize;
-                // SAFETY: the word of a leaf of this scene.
-                } else if unsafe { ray.leaf(triangles, word, t_max) }.mask != 0 {
-                    return true;
+                } else {
+                    // SAFETY: the word of a leaf of this scene.
+                    let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
+                    if hits.mask != 0 {
+                        return true;
+                    }
+                    if hits.doubt {
+                        // SAFETY: the same promise.
+                        return unsafe { any_with_care(scene, setup) };
+                    }
                 }
                 if depth == 0 {
                     return false;
