@@ -23,6 +23,24 @@ pub fn brute_force(mesh: &TriangleMesh, ray: &Ray) -> Hit {
     setup.finish(settle(hit))
 }
 
+/// All hits by testing every triangle, sorted by `t`, then by `prim_id`; see [`brute_force`].
+#[must_use]
+pub fn brute_force_all(mesh: &TriangleMesh, ray: &Ray) -> Vec<Hit> {
+    let scale = SceneScale::of(&mesh.bounds());
+    let Some(setup) = RaySetup::new(ray, scale) else { return Vec::new() };
+    let mut hits = Vec::new();
+    for (id, triangle) in (0..).zip(mesh.triangles()) {
+        let triangle = EdgeTriangle::new(&scale.triangle(triangle));
+        let mut hit = no_hit(setup.t_max);
+        intersect(&triangle, id, setup.origin, setup.direction, setup.t_min, &mut hit);
+        if hit.is_hit() {
+            hits.push(setup.finish(hit));
+        }
+    }
+    hits.sort_by(|a, b| a.t.partial_cmp(&b.t).unwrap_or(std::cmp::Ordering::Equal));
+    hits
+}
+
 /// True if [`brute_force`] hits.
 #[must_use]
 pub fn brute_force_any(mesh: &TriangleMesh, ray: &Ray) -> bool {

@@ -35,16 +35,18 @@ mod counts;
 mod error;
 mod kernel;
 mod kernels;
+mod query;
 mod scale;
 mod setup;
 mod triangle;
 mod wide;
 
 pub use binary::BinaryScene;
-pub use brute::{brute_force, brute_force_any};
+pub use brute::{brute_force, brute_force_all, brute_force_any};
 pub use counts::Counts;
 pub use error::SceneError;
 pub use kernel::Kernel;
+pub use query::HitQueries;
 pub use wide::WideScene;
 
 #[cfg(doctest)]

@@ -5,7 +5,7 @@ use niwaki_core::{Hit, Ray, glam::Vec3, glam::Vec3A};
 
 /// A ray in the scaled coordinates of a scene, and its way back.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RaySetup {
+pub struct RaySetup {
     pub(crate) origin: Vec3,
     pub(crate) direction: Vec3,
     /// At least +0.0, so that the bits of distances sort like integers.
