@@ -46,7 +46,10 @@ pub use brute::{brute_force, brute_force_all, brute_force_any};
 pub use counts::Counts;
 pub use error::SceneError;
 pub use kernel::Kernel;
-pub use query::HitQueries;
+pub use query::{
+    Batches, CustomScene, HitQueries, LengthMismatch, MaskedScene, MeshQueries, NearestPoint,
+    Primitives, nearest_on_triangle, triangle_overlaps_box,
+};
 pub use wide::WideScene;
 
 #[cfg(doctest)]

@@ -78,6 +78,16 @@ impl RaySetup {
         })
     }
 
+    /// A scaled distance in the ray's own.
+    pub(crate) fn unscaled(&self, t: f32) -> f32 {
+        if self.t_factor == 1.0 { t } else { to_f32(f64::from(t) / self.t_factor) }
+    }
+
+    /// A distance of the ray's own, scaled.
+    pub(crate) fn scaled(&self, t: f32) -> f32 {
+        if self.t_factor == 1.0 { t } else { to_f32(f64::from(t) * self.t_factor) }
+    }
+
     /// A hit in the ray's own distance.
     #[inline]
     pub(crate) fn finish(&self, mut hit: Hit) -> Hit {

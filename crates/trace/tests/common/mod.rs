@@ -8,7 +8,8 @@ use niwaki_trace::{BinaryScene, HitQueries, Kernel, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
 
 /// [`HitQueries`] as an object.
-pub(crate) trait Queries: Sync {
+#[allow(dead_code, reason = "not every test uses all")]
+pub(crate) trait Queries: Send + Sync {
     fn closest(&self, ray: &Ray) -> Hit;
     fn any(&self, ray: &Ray) -> bool;
     fn closest_filtered(
@@ -20,7 +21,7 @@ pub(crate) trait Queries: Sync {
     fn nearest(&self, ray: &Ray, most: usize) -> Vec<Hit>;
 }
 
-impl<S: HitQueries> Queries for S {
+impl<S: HitQueries + Send> Queries for S {
     fn closest(&self, ray: &Ray) -> Hit {
         self.closest_hit(ray)
     }
@@ -53,6 +54,7 @@ impl<S: HitQueries> Queries for S {
 }
 
 /// Every scene type, width and kernel over a tree, by name.
+#[allow(dead_code, reason = "not every test uses all")]
 pub(crate) fn scenes_of(
     bvh: &Bvh,
     mesh: &TriangleMesh,
@@ -84,6 +86,7 @@ fn add_width<const W: usize>(
 }
 
 /// [`scenes_of`] a tree without and one with split triangles.
+#[allow(dead_code, reason = "not every test uses all")]
 pub(crate) fn scenes(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Queries>)> {
     let mut all = scenes_of(&median_tree(mesh, leaf), mesh, "median");
     all.extend(scenes_of(&split_tree(mesh), mesh, "split"));
@@ -91,15 +94,18 @@ pub(crate) fn scenes(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Q
 }
 
 /// A tree that refers to many triangles more than once.
+#[allow(dead_code, reason = "not every test uses all")]
 pub(crate) fn split_tree(mesh: &TriangleMesh) -> Bvh {
     Sbvh { alpha: 0.0, ..Sbvh::default() }.build_mesh(mesh).unwrap()
 }
 
+#[allow(dead_code, reason = "not every test uses all")]
 pub(crate) fn bits(hit: &Hit) -> [u32; 4] {
     // −0.0 and 0.0 are the same distance.
     [(hit.t + 0.0).to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.prim_id]
 }
 
+#[allow(dead_code, reason = "not every test uses all")]
 pub(crate) fn random_rays(count: usize, seed: u64) -> Vec<Ray> {
     let mut rng = Rng::with_seed(seed);
     let mut point = || Vec3::new(rng.f32() - 0.5, rng.f32() - 0.5, rng.f32() - 0.5) * 3.0;
