@@ -17,6 +17,11 @@
 //! |---|---|
 //! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
+//! | [`CustomScene`] | the same traversal over primitives of the caller's |
+//! | [`HitQueries`] | filters for alpha masks, all hits in order, the nearest k |
+//! | [`MaskedScene`] | a mask for each primitive and one for the ray |
+//! | [`MeshQueries`] | what is nearest to a point, what meets a box |
+//! | [`Batches`] | slices of rays, on one thread or all |
 //! | [`brute_force`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
 //!
