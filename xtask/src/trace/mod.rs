@@ -16,6 +16,7 @@ use crate::{
 };
 use anyhow::{Context, Result, bail, ensure};
 use args::Mode;
+use clap::ValueEnum as _;
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeSettings};
 use niwaki_trace::{Batches, BinaryScene, Kernel, WideScene};
@@ -65,19 +66,15 @@ pub(crate) fn run(args: &TraceArgs) -> Result<ExitCode> {
     let count = hits.iter().filter(|hit| hit.is_hit()).count();
     println!("scene     {}, {} triangles", spec.describe(), mesh.len());
     println!("tree      {}", scene.tree);
-    println!("kernel    {}, {}", choice.describe(), mode_name(args.mode));
+    let mode = args.mode.to_possible_value();
+    let mode = mode.as_ref().map_or("", |mode| mode.get_name());
+    println!("kernel    {}, {mode}", choice.describe());
     println!("rays      {}: {count} hits, {} misses", rays.len(), rays.len() - count);
     let rate = rays.len() as f64 / median(&seconds) / 1e6;
     let passes = if seconds.len() == 1 { "one pass" } else { "median of several passes" };
     println!("speed     {rate:.3} million rays/s on {threads} threads ({passes})");
     println!("hits      {}", args.out.display());
     Ok(ExitCode::SUCCESS)
-}
-
-fn mode_name(mode: Mode) -> &'static str {
-    match mode {
-        Mode::Fast => "fast",
-    }
 }
 
 /// The one builder of a name.

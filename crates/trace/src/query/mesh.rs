@@ -17,7 +17,7 @@ use std::cmp::Ordering;
 /// Queries about points and boxes, over a binary tree and its mesh as they are, without copies.
 ///
 /// All are deterministic, hold with trees of any depth and with split triangles (each is reported
-/// once), and allocate nothing that grows with the tree. Points and boxes of NaN find nothing.
+/// once), and allocate their result and a stack. Points and boxes of NaN find nothing.
 ///
 /// ```
 /// use niwaki_core::{Aabb, Bvh, BvhNode, TriangleMesh, glam::Vec3};
