@@ -11,6 +11,7 @@ mod report;
 mod results;
 mod scenes;
 mod thesis;
+mod trace;
 mod verify;
 
 use clap::Parser;
@@ -22,6 +23,7 @@ fn main() -> ExitCode {
         cli::Command::Accuracy(args) => accuracy::run(&args),
         cli::Command::Report(args) => report::run(&args),
         cli::Command::Thesis(args) => thesis::run(&args),
+        cli::Command::Trace(args) => trace::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };
     outcome.unwrap_or_else(|error| {

@@ -4,7 +4,7 @@
 mod compare;
 mod full;
 mod hard;
-mod kernels;
+pub(crate) mod kernels;
 mod ledger;
 mod print;
 mod trees;
