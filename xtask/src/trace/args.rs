@@ -51,7 +51,7 @@ pub(crate) struct TraceArgs {
     pub(crate) width: u8,
 
     /// What is guaranteed
-    #[arg(long, value_enum, default_value = "fast")]
+    #[arg(long, value_enum, default_value = "watertight")]
     pub(crate) mode: Mode,
 
     /// Number of threads [default: all that this process may use]
@@ -66,6 +66,18 @@ pub(crate) struct TraceArgs {
 /// What a kernel guarantees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Mode {
+    /// No ray from inside a closed surface passes between two triangles
+    Watertight,
     /// Every triangle is tested by itself: a ray aimed at a shared edge may pass between two
     Fast,
+}
+
+impl Mode {
+    /// As the kernels call it.
+    pub(crate) const fn of_scene(self) -> niwaki_trace::Mode {
+        match self {
+            Self::Watertight => niwaki_trace::Mode::Watertight,
+            Self::Fast => niwaki_trace::Mode::Fast,
+        }
+    }
 }

@@ -98,7 +98,7 @@ fn builder(name: &str) -> Result<TreeBuilder> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Choice {
     /// Every triangle for every ray.
-    Brute,
+    Brute(Mode),
     /// Over the binary tree.
     Binary(Mode),
     Wide {
@@ -121,7 +121,7 @@ impl Choice {
         ensure!(matches!(width, 4 | 8 | 16), "--width {width} must be 4, 8 or 16");
         let name = match args.kernel.as_deref() {
             None => return Ok(Self::Wide { width, kernel: None, mode }),
-            Some("brute") => return Ok(Self::Brute),
+            Some("brute") => return Ok(Self::Brute(mode)),
             Some("binary") => return Ok(Self::Binary(mode)),
             Some(name) => name,
         };
@@ -142,7 +142,7 @@ impl Choice {
 
     fn describe(self) -> String {
         match self {
-            Self::Brute => "brute force".into(),
+            Self::Brute(_) => "brute force".into(),
             Self::Binary(_) => "binary".into(),
             Self::Wide { width, kernel, .. } => {
                 let best = || match width {
@@ -163,18 +163,21 @@ impl Choice {
         builder: &TreeBuilder,
         embree: Option<&Embree>,
     ) -> Result<Traced<'a>> {
-        if self == Self::Brute {
-            return Ok(Traced { scene: Box::new(BruteForce(mesh)), tree: "none".into() });
+        if let Self::Brute(mode) = self {
+            let scene = Box::new(BruteForce(mode.of_scene(), mesh));
+            return Ok(Traced { scene, tree: "none".into() });
         }
         let tree = builder
             .build(mesh, embree)
             .with_context(|| format!("{} failed", builder.full_name()))?;
         let bvh = &tree.bvh;
         let scene: Box<dyn Intersector + Send> = match self {
-            Self::Brute | Self::Binary(Mode::Fast) => Box::new(BinaryScene::new(bvh, mesh)?),
-            Self::Wide { width: 4, kernel, mode: Mode::Fast } => wide::<4>(bvh, mesh, kernel)?,
-            Self::Wide { width: 16, kernel, mode: Mode::Fast } => wide::<16>(bvh, mesh, kernel)?,
-            Self::Wide { kernel, mode: Mode::Fast, .. } => wide::<8>(bvh, mesh, kernel)?,
+            Self::Brute(mode) | Self::Binary(mode) => {
+                Box::new(BinaryScene::new_in(mode.of_scene(), bvh, mesh)?)
+            }
+            Self::Wide { width: 4, kernel, mode } => wide::<4>(bvh, mesh, kernel, mode)?,
+            Self::Wide { width: 16, kernel, mode } => wide::<16>(bvh, mesh, kernel, mode)?,
+            Self::Wide { kernel, mode, .. } => wide::<8>(bvh, mesh, kernel, mode)?,
         };
         let (time, references) = (tree.time.as_secs_f64() * 1e3, bvh.prim_ids.len());
         let tree = format!("{} in {time:.1} ms, {references} references", builder.full_name());
@@ -186,12 +189,13 @@ fn wide<const W: usize>(
     bvh: &Bvh,
     mesh: &TriangleMesh,
     kernel: Option<Kernel>,
+    mode: Mode,
 ) -> Result<Box<dyn Intersector + Send>>
 where
     WideScene<W>: Intersector + 'static,
 {
     let wide = WideBvh::<W>::collapse(bvh, &CollapseSettings::default())?;
-    let scene = WideScene::build_from(wide, mesh)?;
+    let scene = WideScene::build_in(mode.of_scene(), wide, mesh)?;
     Ok(Box::new(match kernel {
         Some(kernel) => scene.with_kernel(kernel)?,
         None => scene,

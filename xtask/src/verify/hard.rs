@@ -41,9 +41,10 @@ fn run_case(
     let mesh = &case.mesh;
     let affordable = BRUTE_FORCE_TESTS / mesh.len().max(1) / 11;
     let rays = rays(mesh, options.hard_rays.min(affordable).max(8), options.seed);
+    let truth = Truth::of(mesh, &rays);
     let references = Mode::ALL.map(|mode| {
         let brute = BruteForce(mode, mesh);
-        against_exact(case, &brute, &rays, ledger);
+        against_exact(case, &brute, &truth, ledger);
         let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
         (mode, hits, Reference::new(mesh, &rays, any(&brute, &rays)))
     });
@@ -89,33 +90,45 @@ fn run_case(
     Ok(())
 }
 
-/// Brute force against the exact answer: all kernels share one triangle test, so a fault of that
-/// test would not show between them.
-fn against_exact(case: &Case, brute: &BruteForce<'_>, rays: &[Ray], ledger: &mut Ledger) {
-    let mesh = &case.mesh;
-    let affordable = EXACT_TESTS / mesh.len().max(1);
-    // A distance past the normal range of f32 has no f32 to full precision, so no kernel that
-    // returns one can be held to it.
-    let normal =
-        |t: f64| t == 0.0 || (f64::from(f32::MIN_POSITIVE)..=f64::from(f32::MAX)).contains(&t);
-    let mut asked = Vec::new();
-    let mut truth = Vec::new();
-    for ray in rays.iter().take(affordable.max(8)) {
-        match closest_in_mesh(ray, mesh) {
-            None => truth.push(Hit::MISS),
-            Some(closest) if normal(closest.t) => truth.push(Hit {
-                t: round_down(closest.t),
-                u: 0.0,
-                v: 0.0,
-                prim_id: closest.ties.first().map_or(Hit::NO_PRIM, |tie| tie.0),
-            }),
-            Some(_) => continue,
+/// Exact answers to some rays.
+struct Truth {
+    rays: Vec<Ray>,
+    hits: Vec<Hit>,
+}
+
+impl Truth {
+    /// Of as many of the rays as can be afforded.
+    fn of(mesh: &TriangleMesh, rays: &[Ray]) -> Self {
+        let affordable = EXACT_TESTS / mesh.len().max(1);
+        // A distance past the normal range of f32 has no f32 to full precision, so no kernel that
+        // returns one can be held to it.
+        let normal =
+            |t: f64| t == 0.0 || (f64::from(f32::MIN_POSITIVE)..=f64::from(f32::MAX)).contains(&t);
+        let mut truth = Self { rays: Vec::new(), hits: Vec::new() };
+        for ray in rays.iter().take(affordable.max(8)) {
+            match closest_in_mesh(ray, mesh) {
+                None => truth.hits.push(Hit::MISS),
+                Some(closest) if normal(closest.t) => truth.hits.push(Hit {
+                    t: round_down(closest.t),
+                    u: 0.0,
+                    v: 0.0,
+                    prim_id: closest.ties.first().map_or(Hit::NO_PRIM, |tie| tie.0),
+                }),
+                Some(_) => continue,
+            }
+            truth.rays.push(*ray);
         }
-        asked.push(*ray);
+        truth
     }
-    let rays = asked.as_slice();
-    let occluded = truth.iter().map(Hit::is_hit).collect();
-    let (tally, wrong) = Reference::new(mesh, rays, truth).compare(&closest(brute, rays));
+}
+
+/// Brute force against the exact answer: the kernels of a mode share one triangle test, so a fault
+/// of that test would not show between them.
+fn against_exact(case: &Case, brute: &BruteForce<'_>, truth: &Truth, ledger: &mut Ledger) {
+    let mesh = &case.mesh;
+    let Truth { rays, hits } = truth;
+    let occluded = hits.iter().map(Hit::is_hit).collect();
+    let (tally, wrong) = Reference::new(mesh, rays, hits.clone()).compare(&closest(brute, rays));
     let (any_tally, any_wrong) = Reference::new(mesh, rays, occluded).compare(&any(brute, rays));
     for (query, tally) in [("closest", tally), ("any", any_tally)] {
         ledger.rows.push(Row {
