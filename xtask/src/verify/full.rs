@@ -137,18 +137,25 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Peers' kernels over a mesh, for the count of leaks.
-pub(crate) fn peer_kernels(embree: Option<&Embree>, mesh: &TriangleMesh) -> anyhow::Result<Named> {
-    let mut kernels = Named::new();
+/// Peers that cannot build a mesh.
+pub(crate) type Failed = Vec<(&'static str, PeerError)>;
+
+/// Peers' kernels over a mesh, for the count of leaks, and those that cannot build it.
+pub(crate) fn peer_kernels(embree: Option<&Embree>, mesh: &TriangleMesh) -> (Named, Failed) {
+    let (mut kernels, mut absent) = (Named::new(), Vec::new());
+    let mut add = |name: &'static str, peer: Result<Box<dyn Intersector>, PeerError>| match peer {
+        Ok(scene) => kernels.push((name.to_owned(), scene)),
+        Err(error) => absent.push((name, error)),
+    };
     if let Some(embree) = embree {
         for (name, robust) in [("embree fast", false), ("embree robust", true)] {
-            let scene = EmbreeScene::new(embree, mesh, Quality::Medium, robust)?;
-            kernels.push((name.to_owned(), Box::new(scene)));
+            let scene = EmbreeScene::new(embree, mesh, Quality::Medium, robust);
+            add(name, scene.map(|s| Box::new(s) as Box<dyn Intersector>));
         }
     }
     for (name, kernel) in [("obvhs bvh2", ObvhsKernel::Bvh2), ("obvhs cwbvh", ObvhsKernel::CwBvh)] {
-        let scene = ObvhsScene::new(mesh, ObvhsPreset::Medium, kernel)?;
-        kernels.push((name.to_owned(), Box::new(scene)));
+        let scene = ObvhsScene::new(mesh, ObvhsPreset::Medium, kernel);
+        add(name, scene.map(|s| Box::new(s) as Box<dyn Intersector>));
     }
-    Ok(kernels)
+    (kernels, absent)
 }

@@ -3,8 +3,9 @@
 use super::{
     Options,
     compare::{Reference, any, closest},
+    full::Failed,
     kernels::{BruteForce, Named, each_kernel},
-    ledger::{Culprit, LeakRow, Ledger, Row},
+    ledger::{Absent, Culprit, LeakRow, Ledger, Row},
     trees::build_and_check,
 };
 use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh, float::round_down};
@@ -155,7 +156,7 @@ fn against_exact(case: &Case, brute: &BruteForce<'_>, truth: &Truth, ledger: &mu
 pub(crate) fn leaks(
     options: &Options,
     builder: &dyn Builder,
-    peers: &dyn Fn(&TriangleMesh) -> anyhow::Result<Named>,
+    peers: &dyn Fn(&TriangleMesh) -> (Named, Failed),
     ledger: &mut Ledger,
 ) -> anyhow::Result<()> {
     for (name, size, offset) in [
@@ -184,9 +185,12 @@ pub(crate) fn leaks(
         add("niwaki fast", &WideScene::new_in(Mode::Fast, &bvh, &mesh)?);
         let watertight = WideScene::new_in(Mode::Watertight, &bvh, &mesh)?;
         let leaks = add("niwaki watertight", &watertight);
-        for (name, scene) in peers(&mesh)? {
+        let (kernels, absent) = peers(&mesh);
+        for (name, scene) in kernels {
             add(&name, scene.as_ref());
         }
+        let absent = absent.iter().map(|(peer, error)| Absent::new(name, peer, error));
+        ledger.absent.extend(absent);
         if leaks > 0 {
             ledger.culprits.push(Culprit {
                 scene: name.to_owned(),
