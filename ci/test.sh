@@ -53,6 +53,13 @@ test -s out/ci-accuracy/cost-model.csv
 step "tables of the thesis, small"
 cargo xtask thesis --quick --out out/ci-thesis
 
+step "rays from a file"
+printf 'ox,oy,oz,dx,dy,dz\n3.3,2.7,1000,0,0,-1\n0,0,1000,0,0,1\n' > out/ci-rays.csv
+cargo xtask trace --scene city:2000 --rays out/ci-rays.csv --out out/ci-trace/hits.csv
+cargo xtask trace --scene city:2000 --rays out/ci-rays.csv --out out/ci-trace/brute.csv --kernel brute
+cmp out/ci-trace/hits.csv out/ci-trace/brute.csv
+test "$(grep -c -- '-1$' out/ci-trace/hits.csv)" = 1
+
 step "report, merged"
 cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report
 

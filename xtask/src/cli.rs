@@ -3,6 +3,7 @@
 use crate::bench::Shard;
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
+use crate::trace::TraceArgs;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -26,6 +27,8 @@ pub(crate) enum Command {
     Report(ReportArgs),
     /// Regenerate the thesis's tables of builders beside the published values.
     Thesis(Box<ThesisArgs>),
+    /// Answer rays from a file: what each hits first, through a chosen tree and kernel.
+    Trace(Box<TraceArgs>),
     /// Check every builder and kernel against brute force, Embree and obvhs.
     Verify(VerifyArgs),
     /// Give hard cases to every builder, kernel and peer, each in a process that is watched.

@@ -12,6 +12,7 @@ mod results;
 mod scenes;
 mod stability;
 mod thesis;
+mod trace;
 mod verify;
 
 use clap::Parser;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         cli::Command::Stability(args) => stability::run(&args),
         cli::Command::StabilityWorker(options) => stability::run_worker(&options),
         cli::Command::Thesis(args) => thesis::run(&args),
+        cli::Command::Trace(args) => trace::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };
     outcome.unwrap_or_else(|error| {

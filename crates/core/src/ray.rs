@@ -79,7 +79,10 @@ pub trait Intersector: Sync {
     /// True if anything lies in the ray's range.
     fn any_hit(&self, ray: &Ray) -> bool;
 
-    /// [`Intersector::closest_hit`] for each ray; `hits` must be as long as `rays`.
+    /// [`Intersector::closest_hit`] for each ray.
+    ///
+    /// # Panics
+    /// If `hits` is not as long as `rays`; `niwaki_trace::Batches` returns an error instead.
     fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "one hit slot per ray");
         for (ray, hit) in rays.iter().zip(hits) {
@@ -87,7 +90,10 @@ pub trait Intersector: Sync {
         }
     }
 
-    /// [`Intersector::any_hit`] for each ray; `occluded` must be as long as `rays`.
+    /// [`Intersector::any_hit`] for each ray.
+    ///
+    /// # Panics
+    /// If `occluded` is not as long as `rays`; `niwaki_trace::Batches` returns an error instead.
     fn any_hits(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one flag per ray");
         for (ray, flag) in rays.iter().zip(occluded) {

@@ -1,11 +1,15 @@
 //! The scalar reference kernel over the binary tree.
 
 use crate::{
-    Counts, Mode, SceneError,
+    Counts, HitQueries, Mode, SceneError,
     counts::Counter,
+    query::{
+        hits::Traverse,
+        visitor::{Closest, First, Found, Visitor},
+    },
     scale::SceneScale,
     setup::RaySetup,
-    triangle::{Fast, TriangleTest, no_hit, settle, words},
+    triangle::{Fast, TriangleTest, no_hit, words},
     watertight::Sheared,
 };
 use niwaki_core::{
@@ -76,110 +80,43 @@ impl BinaryScene {
     #[must_use]
     pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
         let mut counts = Counts::default();
-        let hit = self.trace::<false, _>(ray, &mut counts);
-        (hit, counts)
+        (self.closest(ray, &mut counts), counts)
     }
 
     /// [`Intersector::any_hit`] with the work it took.
     #[must_use]
     pub fn any_hit_counted(&self, ray: &Ray) -> (bool, Counts) {
         let mut counts = Counts::default();
-        let hit = self.trace::<true, _>(ray, &mut counts);
-        (hit.is_hit(), counts)
+        (self.any(ray, &mut counts), counts)
     }
 
-    #[inline]
-    fn trace<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
-        match self.mode {
-            Mode::Fast => self.dispatch::<ANY, Fast, C>(ray, counter),
-            Mode::Watertight => self.dispatch::<ANY, Sheared, C>(ray, counter),
-        }
-    }
-
-    #[inline]
-    fn dispatch<const ANY: bool, T: TriangleTest, C: Counter>(
-        &self,
-        ray: &Ray,
-        counter: &mut C,
-    ) -> Hit {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has the instructions, as just checked.
-            return unsafe { self.traverse_fma::<ANY, T, C>(ray, counter) };
-        }
-        self.traverse::<ANY, T, C>(ray, counter)
-    }
-
-    /// The same code with hardware multiply-adds, whose results are the same by definition.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "fma")]
-    fn traverse_fma<const ANY: bool, T: TriangleTest, C: Counter>(
-        &self,
-        ray: &Ray,
-        counter: &mut C,
-    ) -> Hit {
-        self.traverse::<ANY, T, C>(ray, counter)
-    }
-
-    #[inline(always)]
-    fn traverse<const ANY: bool, T: TriangleTest, C: Counter>(
-        &self,
-        ray: &Ray,
-        counter: &mut C,
-    ) -> Hit {
+    fn closest<C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
         let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
-        let Some(root) = self.nodes.first() else { return Hit::MISS };
-        let slabs = RobustSlabs::new(&setup, T::pads(&setup, &self.scale));
-        let test = T::new(&setup);
-        let mut hit = no_hit(setup.t_max);
-        counter.boxes(1);
-        if slabs.entry(root, setup.t_min, hit.t).is_none() {
-            return Hit::MISS;
-        }
-        let mut stack = Stack::new();
-        let mut index = 0;
-        loop {
-            let node = &self.nodes[index];
-            if node.is_leaf() {
-                counter.leaf(node.count);
-                let range = node.prim_range();
-                let refs = self.triangles[range.clone()].iter().zip(&self.prim_ids[range]);
-                for (triangle, &id) in refs {
-                    test.intersect(*triangle, id, setup.t_min, &mut hit);
-                    if ANY && hit.is_hit() {
-                        return setup.finish(hit);
-                    }
-                }
-            } else {
-                counter.node(2);
-                let [a, b] = node.children();
-                let entry_a = slabs.entry(&self.nodes[a], setup.t_min, hit.t);
-                let entry_b = slabs.entry(&self.nodes[b], setup.t_min, hit.t);
-                match (entry_a, entry_b) {
-                    (Some(ta), Some(tb)) => {
-                        let (near, far, t_far) = if ta <= tb { (a, b, tb) } else { (b, a, ta) };
-                        stack.push(far, t_far);
-                        index = near;
-                        continue;
-                    }
-                    (Some(_), None) => {
-                        index = a;
-                        continue;
-                    }
-                    (None, Some(_)) => {
-                        index = b;
-                        continue;
-                    }
-                    (None, None) => {}
-                }
+        let closest = Closest::new(setup.t_max);
+        setup.finish(self.show::<false, _, _>(&setup, closest, counter).hit())
+    }
+
+    fn any<C: Counter>(&self, ray: &Ray, counter: &mut C) -> bool {
+        let Some(setup) = RaySetup::new(ray, self.scale) else { return false };
+        self.show::<true, _, _>(&setup, First::default(), counter).is_hit
+    }
+
+    /// [`trace`] in the mode of the scene.
+    #[inline]
+    fn show<const ANY: bool, V: Visitor, C: Counter>(
+        &self,
+        setup: &RaySetup,
+        visitor: V,
+        counter: &mut C,
+    ) -> V {
+        match self.mode {
+            Mode::Fast => {
+                let leaves = Tested { scene: self, test: Fast::new(setup) };
+                trace::<ANY, _, _, _>(&self.nodes, &leaves, setup, visitor, counter)
             }
-            loop {
-                let Some((popped, t)) = stack.pop() else { return setup.finish(settle(hit)) };
-                // Boxes at the same distance as the hit may hold one with a smaller id.
-                if t <= hit.t {
-                    index = popped;
-                    break;
-                }
+            Mode::Watertight => {
+                let leaves = Tested { scene: self, test: <Sheared as TriangleTest>::new(setup) };
+                trace::<ANY, _, _, _>(&self.nodes, &leaves, setup, visitor, counter)
             }
         }
     }
@@ -187,11 +124,162 @@ impl BinaryScene {
 
 impl Intersector for BinaryScene {
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        self.trace::<false, _>(ray, &mut ())
+        self.closest(ray, &mut ())
     }
 
     fn any_hit(&self, ray: &Ray) -> bool {
-        self.trace::<true, _>(ray, &mut ()).is_hit()
+        self.any(ray, &mut ())
+    }
+}
+
+/// The triangles as a test prepared for one ray meets them.
+struct Tested<'a, T> {
+    scene: &'a BinaryScene,
+    test: T,
+}
+
+impl<T: TriangleTest> Leaves for Tested<'_, T> {
+    #[inline(always)]
+    fn intersect(&self, reference: usize, setup: &RaySetup, limit: f32) -> Hit {
+        let mut hit = no_hit(limit);
+        let (triangle, id) = (self.scene.triangles[reference], self.scene.prim_ids[reference]);
+        self.test.intersect(triangle, id, setup.t_min, &mut hit);
+        hit
+    }
+
+    #[inline(always)]
+    fn pads(&self, setup: &RaySetup) -> [f32; 2] {
+        T::pads(setup, &self.scene.scale)
+    }
+}
+
+impl Traverse for BinaryScene {
+    fn visit<V: Visitor>(&self, ray: &Ray, visitor: impl FnOnce(RaySetup) -> V) -> Option<V> {
+        let setup = RaySetup::new(ray, self.scale)?;
+        Some(self.show::<false, _, _>(&setup, visitor(setup), &mut ()))
+    }
+
+    fn visit_until_limit<V: Visitor>(
+        &self,
+        ray: &Ray,
+        visitor: impl FnOnce(RaySetup) -> V,
+    ) -> Option<V> {
+        let setup = RaySetup::new(ray, self.scale)?;
+        Some(self.show::<true, _, _>(&setup, visitor(setup), &mut ()))
+    }
+}
+
+impl HitQueries for BinaryScene {}
+
+/// What the leaves of a binary tree refer to.
+pub(crate) trait Leaves {
+    /// The hit of a reference at `limit` or before, in scaled distance; anything that is no hit
+    /// otherwise.
+    fn intersect(&self, reference: usize, setup: &RaySetup, limit: f32) -> Hit;
+
+    /// How much larger boxes must be where the ray enters and where it leaves
+    /// ([`TriangleTest::pads`]).
+    #[inline(always)]
+    fn pads(&self, _: &RaySetup) -> [f32; 2] {
+        [0.0; 2]
+    }
+}
+
+/// Shows hits to a visitor, nearest boxes first, or until it sets a limit if `ANY`. The tree must
+/// have passed [`check_tree`].
+#[inline]
+pub(crate) fn trace<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
+    nodes: &[BvhNode],
+    leaves: &L,
+    setup: &RaySetup,
+    visitor: V,
+    counter: &mut C,
+) -> V {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("fma") {
+        // SAFETY: the processor has the instructions, as just checked.
+        return unsafe { traverse_fma::<ANY, L, V, C>(nodes, leaves, setup, visitor, counter) };
+    }
+    traverse::<ANY, L, V, C>(nodes, leaves, setup, visitor, counter)
+}
+
+/// The same code with hardware multiply-adds, whose results are the same by definition.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "fma")]
+fn traverse_fma<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
+    nodes: &[BvhNode],
+    leaves: &L,
+    setup: &RaySetup,
+    visitor: V,
+    counter: &mut C,
+) -> V {
+    traverse::<ANY, L, V, C>(nodes, leaves, setup, visitor, counter)
+}
+
+#[inline(always)]
+fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
+    nodes: &[BvhNode],
+    leaves: &L,
+    setup: &RaySetup,
+    mut visitor: V,
+    counter: &mut C,
+) -> V {
+    let Some(root) = nodes.first() else { return visitor };
+    let slabs = RobustSlabs::new(setup, leaves.pads(setup));
+    let mut limit = setup.t_max;
+    counter.boxes(1);
+    if slabs.entry(root, setup.t_min, limit).is_none() {
+        return visitor;
+    }
+    let mut stack = Stack::new();
+    let mut index = 0;
+    loop {
+        let node = &nodes[index];
+        if node.is_leaf() {
+            counter.leaf(node.count);
+            for reference in node.prim_range() {
+                let hit = leaves.intersect(reference, setup, limit);
+                if hit.is_hit() && visitor.wants(hit.t, hit.prim_id) {
+                    let Hit { t, u, v, prim_id } = hit;
+                    if let Some(t) = visitor.take(Found { t, u, v, det: 1.0, prim_id }) {
+                        limit = t;
+                        if ANY {
+                            return visitor;
+                        }
+                    }
+                }
+            }
+        } else {
+            counter.node(2);
+            let [a, b] = node.children();
+            let entry_a = slabs.entry(&nodes[a], setup.t_min, limit);
+            let entry_b = slabs.entry(&nodes[b], setup.t_min, limit);
+            match (entry_a, entry_b) {
+                (Some(ta), Some(tb)) => {
+                    let (near, far, t_far) = if ta <= tb { (a, b, tb) } else { (b, a, ta) };
+                    stack.push(far, t_far);
+                    index = near;
+                    continue;
+                }
+                (Some(_), None) => {
+                    index = a;
+                    continue;
+                }
+                (None, Some(_)) => {
+                    index = b;
+                    continue;
+                }
+                (None, None) => {}
+            }
+        }
+        loop {
+            let Some((popped, t)) = stack.pop() else { return visitor };
+            // Boxes at the same distance as the hit may hold one with a smaller id.
+            if t <= limit {
+                index = popped;
+                break;
+            }
+        }
     }
 }
 
@@ -304,7 +392,7 @@ pub(crate) fn check_tree(bvh: &Bvh) -> Result<(), CollapseError> {
 }
 
 /// Every id names a triangle.
-fn check_ids(ids: &[u32], mesh: &TriangleMesh) -> Result<(), SceneError> {
+pub(crate) fn check_ids(ids: &[u32], mesh: &TriangleMesh) -> Result<(), SceneError> {
     let triangles = mesh.len();
     match ids.par_iter().with_min_len(1 << 16).find_first(|&&id| id as usize >= triangles) {
         None => Ok(()),

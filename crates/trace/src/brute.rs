@@ -41,6 +41,26 @@ fn test_all<T: TriangleTest>(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit 
     setup.finish(settle(hit))
 }
 
+/// All hits by testing every triangle, in [`Mode::Watertight`], sorted by `t`, then by `prim_id`;
+/// see [`brute_force`].
+#[must_use]
+pub fn brute_force_all(mesh: &TriangleMesh, ray: &Ray) -> Vec<Hit> {
+    let scale = SceneScale::of(&mesh.bounds());
+    let Some(setup) = RaySetup::new(ray, scale) else { return Vec::new() };
+    let test = <Sheared as TriangleTest>::new(&setup);
+    let mut hits = Vec::new();
+    for (id, triangle) in (0..).zip(mesh.triangles()) {
+        let mut hit = no_hit(setup.t_max);
+        let words = words(Mode::Watertight, &scale.triangle(triangle));
+        TriangleTest::intersect(&test, words, id, setup.t_min, &mut hit);
+        if hit.is_hit() {
+            hits.push(setup.finish(hit));
+        }
+    }
+    hits.sort_by(|a, b| a.t.partial_cmp(&b.t).unwrap_or(std::cmp::Ordering::Equal));
+    hits
+}
+
 /// True if [`brute_force`] hits.
 #[must_use]
 pub fn brute_force_any(mesh: &TriangleMesh, ray: &Ray) -> bool {

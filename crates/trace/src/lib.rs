@@ -19,6 +19,11 @@
 //! | [`Mode`] | watertight, the default: no ray slips between two triangles; or fast |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
 //! | [`DoubleScene`] | rays and triangles in `f64`, for scenes whose detail is lost in `f32` |
+//! | [`CustomScene`] | the same traversal over primitives of the caller's |
+//! | [`HitQueries`] | filters for alpha masks, all hits in order, the nearest k |
+//! | [`MaskedScene`] | a mask for each primitive and one for the ray |
+//! | [`MeshQueries`] | what is nearest to a point, what meets a box |
+//! | [`Batches`] | slices of rays, on one thread or all |
 //! | [`brute_force`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
 //!
@@ -39,6 +44,7 @@ mod error;
 mod kernel;
 mod kernels;
 mod mode;
+mod query;
 mod scale;
 mod setup;
 mod triangle;
@@ -46,12 +52,16 @@ mod watertight;
 mod wide;
 
 pub use binary::BinaryScene;
-pub use brute::{brute_force, brute_force_any, brute_force_in};
+pub use brute::{brute_force, brute_force_all, brute_force_any, brute_force_in};
 pub use counts::Counts;
 pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;
 pub use mode::Mode;
+pub use query::{
+    Batches, CustomScene, HitQueries, LengthMismatch, MaskedScene, MeshQueries, NearestPoint,
+    Primitives, nearest_on_triangle, triangle_overlaps_box,
+};
 pub use wide::WideScene;
 
 #[cfg(doctest)]

@@ -5,7 +5,7 @@ use niwaki_core::{Hit, Ray, glam::Vec3, glam::Vec3A};
 
 /// A ray in the scaled coordinates of a scene, and its way back.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RaySetup {
+pub struct RaySetup {
     pub(crate) origin: Vec3,
     pub(crate) direction: Vec3,
     /// At least +0.0, so that the bits of distances sort like integers.
@@ -76,6 +76,16 @@ impl RaySetup {
             t_factor,
             is_extreme: true,
         })
+    }
+
+    /// A scaled distance in the ray's own.
+    pub(crate) fn unscaled(&self, t: f32) -> f32 {
+        if self.t_factor == 1.0 { t } else { to_f32(f64::from(t) / self.t_factor) }
+    }
+
+    /// A distance of the ray's own, scaled.
+    pub(crate) fn scaled(&self, t: f32) -> f32 {
+        if self.t_factor == 1.0 { t } else { to_f32(f64::from(t) * self.t_factor) }
     }
 
     /// A hit in the ray's own distance.

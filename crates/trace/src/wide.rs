@@ -3,8 +3,15 @@
 #[cfg(target_arch = "x86_64")]
 use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
 use crate::{
-    Counts, Kernel, Mode, SceneError, counts::Counter, kernels::scalar, scale::SceneScale,
-    setup::RaySetup, triangle::words,
+    Counts, HitQueries, Kernel, Mode, SceneError,
+    kernels::scalar,
+    query::{
+        hits::Traverse,
+        visitor::{Closest, First, Visitor},
+    },
+    scale::SceneScale,
+    setup::RaySetup,
+    triangle::words,
 };
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh, memory::prefer_large_pages};
 use niwaki_wide::{Bvh8, Child, CollapseSettings, WideBvh, WideNode};
@@ -157,24 +164,27 @@ impl<const W: usize> WideScene<W> {
     #[must_use]
     pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
         let mut counts = Counts::default();
-        let hit = self.trace_scalar::<false, _>(ray, &mut counts);
-        (hit, counts)
+        let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
+        let closest = Closest::new(setup.t_max);
+        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts).hit();
+        (setup.finish(hit), counts)
     }
 
     /// [`Intersector::any_hit`] by the scalar kernel, with the work it took.
     #[must_use]
     pub fn any_hit_counted(&self, ray: &Ray) -> (bool, Counts) {
         let mut counts = Counts::default();
-        let hit = self.trace_scalar::<true, _>(ray, &mut counts);
-        (hit.is_hit(), counts)
+        let Some(setup) = self.setup(ray) else { return (false, counts) };
+        let first = First::default();
+        let first = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
+        (first.is_hit, counts)
     }
 
-    fn trace_scalar<const ANY: bool, C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
-        let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
-        if self.layout.nodes.is_empty() {
-            return Hit::MISS;
-        }
-        setup.finish(scalar::trace::<W, ANY, C>(&self.layout, &setup, counter))
+    /// What the kernels need of a ray; `None` if there is nothing that it could hit.
+    #[inline(always)]
+    fn setup(&self, ray: &Ray) -> Option<RaySetup> {
+        let setup = RaySetup::new(ray, self.layout.scale)?;
+        (!self.layout.nodes.is_empty()).then_some(setup)
     }
 }
 
@@ -223,52 +233,84 @@ fn fill<const W: usize>(
 /// Answers rays by the kernels of one width.
 macro_rules! intersector {
     ($width:literal, $($kernel:ident => $module:ident),+) => {
-        impl Intersector for WideScene<$width> {
-            fn closest_hit(&self, ray: &Ray) -> Hit {
-                let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return Hit::MISS };
-                if self.layout.nodes.is_empty() {
-                    return Hit::MISS;
-                }
-                let hit = match (self.kernel, self.layout.mode) {
+        impl WideScene<$width> {
+            #[inline(always)]
+            fn closest<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V {
+                match (self.kernel, self.layout.mode) {
                     $(
-                        // SAFETY: `with_kernel` and `build_in` take available kernels only.
+                        // SAFETY: `with_kernel` and `build_in` take available kernels only, and
+                        // `setup` made sure that there are nodes.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Fast) => unsafe {
-                            $module::fast::closest(&self.layout, &setup)
+                            $module::fast::closest(&self.layout, setup, visitor)
                         },
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Watertight) => unsafe {
-                            $module::watertight::closest(&self.layout, &setup)
+                            $module::watertight::closest(&self.layout, setup, visitor)
                         },
                     )+
-                    _ => scalar::trace::<$width, false, _>(&self.layout, &setup, &mut ()),
-                };
-                setup.finish(hit)
+                    _ => scalar::trace::<$width, false, _, _>(
+                        &self.layout, setup, visitor, &mut (),
+                    ),
+                }
             }
 
-            fn any_hit(&self, ray: &Ray) -> bool {
-                let Some(setup) = RaySetup::new(ray, self.layout.scale) else { return false };
-                if self.layout.nodes.is_empty() {
-                    return false;
-                }
+            #[inline(always)]
+            fn any<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V {
                 match (self.kernel, self.layout.mode) {
                     $(
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Fast) => unsafe {
-                            $module::fast::any(&self.layout, &setup)
+                            $module::fast::any(&self.layout, setup, visitor)
                         },
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Watertight) => unsafe {
-                            $module::watertight::any(&self.layout, &setup)
+                            $module::watertight::any(&self.layout, setup, visitor)
                         },
                     )+
-                    _ => scalar::trace::<$width, true, _>(&self.layout, &setup, &mut ()).is_hit(),
+                    _ => scalar::trace::<$width, true, _, _>(
+                        &self.layout, setup, visitor, &mut (),
+                    ),
                 }
             }
         }
+
+        impl Intersector for WideScene<$width> {
+            fn closest_hit(&self, ray: &Ray) -> Hit {
+                let Some(setup) = self.setup(ray) else { return Hit::MISS };
+                setup.finish(self.closest(&setup, Closest::new(setup.t_max)).hit())
+            }
+
+            fn any_hit(&self, ray: &Ray) -> bool {
+                let Some(setup) = self.setup(ray) else { return false };
+                self.any(&setup, First::default()).is_hit
+            }
+        }
+
+        impl Traverse for WideScene<$width> {
+            fn visit<V: Visitor>(
+                &self,
+                ray: &Ray,
+                visitor: impl FnOnce(RaySetup) -> V,
+            ) -> Option<V> {
+                let setup = self.setup(ray)?;
+                Some(self.closest(&setup, visitor(setup)))
+            }
+
+            fn visit_until_limit<V: Visitor>(
+                &self,
+                ray: &Ray,
+                visitor: impl FnOnce(RaySetup) -> V,
+            ) -> Option<V> {
+                let setup = self.setup(ray)?;
+                Some(self.any(&setup, visitor(setup)))
+            }
+        }
+
+        impl HitQueries for WideScene<$width> {}
     };
 }
 

@@ -47,10 +47,12 @@ mod error;
 mod greedy;
 mod node;
 mod optimal;
+mod parts;
 mod settings;
 
 pub use error::CollapseError;
 pub use node::{Bvh4, Bvh8, Bvh16, Child, Node4, Node8, Node16, WideBvh, WideNode};
+pub use parts::PartsError;
 pub use settings::{CollapseMethod, CollapseSettings, WideCosts};
 
 #[cfg(doctest)]

@@ -135,7 +135,7 @@ const _: () =
 
 /// A BVH of width `W`, which is 4, 8 or 16.
 ///
-/// It can only be made by [`WideBvh::collapse`], so the following always holds, and traversal
+/// It can only be made by [`WideBvh::collapse`] and [`WideBvh::from_parts`], so the following always holds, and traversal
 /// kernels may rely on it without checks: node 0 is the root; every [`Child::Node`] names a node
 /// after its parent; every node but the root has one parent; every leaf's range lies in
 /// [`WideBvh::prim_ids`]; leaf ranges do not overlap and follow each other in the order of nodes

@@ -9,12 +9,11 @@ use super::{
     vectors::vectors256::*,
 };
 use crate::{
+    query::visitor::{Found, Visitor},
     scale::SceneScale,
     setup::{RaySetup, Slabs},
-    triangle::no_hit,
     wide::{Layout, WORDS},
 };
-use niwaki_core::Hit;
 use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
 

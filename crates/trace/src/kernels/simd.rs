@@ -141,31 +141,44 @@ macro_rules! define_traversal {
             }
         }
 
-        /// The closest hit in scaled distance.
+        /// Shows hits to a visitor, nearest boxes first.
         ///
         /// # Safety
         /// The processor must have the instructions, and the scene nodes.
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn closest(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+        pub(crate) unsafe fn closest<V: Visitor>(
+            scene: &Layout<W>,
+            setup: &RaySetup,
+            visitor: V,
+        ) -> V {
             // SAFETY: the same promise.
-            unsafe { closest_as::<false>(scene, setup) }
+            unsafe { closest_as::<false, V>(scene, setup, visitor) }
         }
 
-        /// As [`closest`], from the start, for a ray that met a triangle that needs care.
+        /// As [`closest`], from the start, for a ray that met a triangle that needs care. The
+        /// visitor sees hits again that it saw before.
         ///
         /// That is a traversal of its own, and not a call where the care is needed, because
         /// around a call in the loop the compiler would move every register to memory and back.
         #[target_feature(enable = $features)]
         #[cold]
         #[inline(never)]
-        unsafe fn closest_with_care(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+        unsafe fn closest_with_care<V: Visitor>(
+            scene: &Layout<W>,
+            setup: &RaySetup,
+            visitor: V,
+        ) -> V {
             // SAFETY: the same promise.
-            unsafe { closest_as::<true>(scene, setup) }
+            unsafe { closest_as::<true, V>(scene, setup, visitor) }
         }
 
         #[target_feature(enable = $features)]
         #[inline]
-        unsafe fn closest_as<const CAREFUL: bool>(scene: &Layout<W>, setup: &RaySetup) -> Hit {
+        unsafe fn closest_as<const CAREFUL: bool, V: Visitor>(
+            scene: &Layout<W>,
+            setup: &RaySetup,
+            mut visitor: V,
+        ) -> V {
             let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -175,13 +188,11 @@ macro_rules! define_traversal {
             let stack_child = room(scene.stack_bound, &mut child_array, &mut child_heap);
             let stack_key = room(scene.stack_bound, &mut key_array, &mut key_heap).cast::<i32>();
             let mut depth = 0_usize;
-            let mut best = no_hit(setup.t_max);
-            let mut best_det = 1.0_f32;
-            let mut t_max = splat(best.t);
+            let mut t_max = splat(setup.t_max);
             // A child's key is its distance, which is not negative, so that its bits sort like
             // integers, with the lane in the lowest bits. This is the largest key of a box
             // that is worth a visit.
-            let mut last_key = (best.t.to_bits() | LANE).cast_signed();
+            let mut last_key = (setup.t_max.to_bits() | LANE).cast_signed();
             let lane_ids = lane_ids();
             let distance_bits = splat_int((!LANE).cast_signed());
             let mut word = 0_u32;
@@ -237,7 +248,7 @@ macro_rules! define_traversal {
                     let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
                     if hits.doubt {
                         // SAFETY: the same promise.
-                        return unsafe { closest_with_care(scene, setup) };
+                        return unsafe { closest_with_care(scene, setup, visitor) };
                     }
                     let mut mask = hits.mask;
                     while mask != 0 {
@@ -246,11 +257,14 @@ macro_rules! define_traversal {
                         let t = lane(hits.t, i);
                         // SAFETY: a reference of the leaf.
                         let prim_id = unsafe { *prim_ids.add(hits.first + i as usize) };
-                        if t < best.t || (t == best.t && prim_id < best.prim_id) {
-                            best = Hit { t, u: lane(hits.u, i), v: lane(hits.v, i), prim_id };
-                            best_det = lane(hits.det, i);
-                            t_max = splat(t);
-                            last_key = (t.to_bits() | LANE).cast_signed();
+                        if visitor.wants(t, prim_id) {
+                            let (u, v) = (lane(hits.u, i), lane(hits.v, i));
+                            let det = lane(hits.det, i);
+                            if let Some(t) = visitor.take(Found { t, u, v, det, prim_id }) {
+                                t_max = splat(t);
+                                // Without the sign of −0.0, which is as far as 0.0.
+                                last_key = (t.abs().to_bits() | LANE).cast_signed();
+                            }
                         }
                     }
                 }
@@ -271,37 +285,39 @@ macro_rules! define_traversal {
                     }
                 }
             }
-            if !best.is_hit() {
-                return Hit::MISS;
-            }
-            Hit { u: best.u / best_det, v: best.v / best_det, ..best }
+            visitor
         }
 
-        /// True if anything is hit.
+        /// Shows hits to a visitor until it sets a limit.
         ///
         /// # Safety
         /// As for [`closest`].
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn any(scene: &Layout<W>, setup: &RaySetup) -> bool {
+        pub(crate) unsafe fn any<V: Visitor>(scene: &Layout<W>, setup: &RaySetup, visitor: V) -> V {
             // SAFETY: the same promise.
-            unsafe { any_as::<false>(scene, setup) }
+            unsafe { any_as::<false, V>(scene, setup, visitor) }
         }
 
         /// As [`any`], for a ray that met a triangle that needs care.
         #[target_feature(enable = $features)]
         #[cold]
         #[inline(never)]
-        unsafe fn any_with_care(scene: &Layout<W>, setup: &RaySetup) -> bool {
+        unsafe fn any_with_care<V: Visitor>(scene: &Layout<W>, setup: &RaySetup, visitor: V) -> V {
             // SAFETY: the same promise.
-            unsafe { any_as::<true>(scene, setup) }
+            unsafe { any_as::<true, V>(scene, setup, visitor) }
         }
 
         #[target_feature(enable = $features)]
         #[inline]
-        unsafe fn any_as<const CAREFUL: bool>(scene: &Layout<W>, setup: &RaySetup) -> bool {
+        unsafe fn any_as<const CAREFUL: bool, V: Visitor>(
+            scene: &Layout<W>,
+            setup: &RaySetup,
+            mut visitor: V,
+        ) -> V {
             let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
+            let prim_ids = scene.prim_ids.as_ptr();
             let (mut array, mut heap) = (UNINIT, Heap::new());
             let stack = room(scene.stack_bound, &mut array, &mut heap);
             let mut depth = 0_usize;
@@ -325,16 +341,25 @@ macro_rules! define_traversal {
                 } else {
                     // SAFETY: the word of a leaf of this scene.
                     let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
-                    if hits.mask != 0 {
-                        return true;
+                    let mut mask = hits.mask;
+                    while mask != 0 {
+                        let i = mask.trailing_zeros();
+                        mask &= mask - 1;
+                        let (t, det) = (lane(hits.t, i), lane(hits.det, i));
+                        let (u, v) = (lane(hits.u, i), lane(hits.v, i));
+                        // SAFETY: a reference of the leaf.
+                        let prim_id = unsafe { *prim_ids.add(hits.first + i as usize) };
+                        if visitor.take(Found { t, u, v, det, prim_id }).is_some() {
+                            return visitor;
+                        }
                     }
                     if hits.doubt {
                         // SAFETY: the same promise.
-                        return unsafe { any_with_care(scene, setup) };
+                        return unsafe { any_with_care(scene, setup, visitor) };
                     }
                 }
                 if depth == 0 {
-                    return false;
+                    return visitor;
                 }
                 depth -= 1;
                 // SAFETY: entries that were stored.
