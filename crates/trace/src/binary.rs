@@ -82,12 +82,12 @@ impl BinaryScene {
     fn closest<C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
         let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
         let closest = Closest::new(setup.t_max);
-        setup.finish(trace::<false, _, _, _>(&self.nodes, self, &setup, closest, counter).hit())
+        setup.finish(trace::<false, _, _, _>(&self.nodes, self, &setup, closest, counter))
     }
 
     fn any<C: Counter>(&self, ray: &Ray, counter: &mut C) -> bool {
         let Some(setup) = RaySetup::new(ray, self.scale) else { return false };
-        trace::<true, _, _, _>(&self.nodes, self, &setup, First::default(), counter).is_hit
+        trace::<true, _, _, _>(&self.nodes, self, &setup, First::default(), counter)
     }
 }
 
@@ -112,7 +112,11 @@ impl Leaves for BinaryScene {
 }
 
 impl Traverse for BinaryScene {
-    fn visit<V: Visitor>(&self, ray: &Ray, visitor: impl FnOnce(RaySetup) -> V) -> Option<V> {
+    fn visit<V: Visitor>(
+        &self,
+        ray: &Ray,
+        visitor: impl FnOnce(RaySetup) -> V,
+    ) -> Option<V::Answer> {
         let setup = RaySetup::new(ray, self.scale)?;
         Some(trace::<false, _, _, _>(&self.nodes, self, &setup, visitor(setup), &mut ()))
     }
@@ -121,7 +125,7 @@ impl Traverse for BinaryScene {
         &self,
         ray: &Ray,
         visitor: impl FnOnce(RaySetup) -> V,
-    ) -> Option<V> {
+    ) -> Option<V::Answer> {
         let setup = RaySetup::new(ray, self.scale)?;
         Some(trace::<true, _, _, _>(&self.nodes, self, &setup, visitor(setup), &mut ()))
     }
@@ -145,7 +149,7 @@ pub(crate) fn trace<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("fma") {
         // SAFETY: the processor has the instructions, as just checked.
@@ -163,7 +167,7 @@ fn traverse_fma<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     traverse::<ANY, L, V, C>(nodes, leaves, setup, visitor, counter)
 }
 
@@ -174,13 +178,13 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     setup: &RaySetup,
     mut visitor: V,
     counter: &mut C,
-) -> V {
-    let Some(root) = nodes.first() else { return visitor };
+) -> V::Answer {
+    let Some(root) = nodes.first() else { return visitor.answer() };
     let slabs = RobustSlabs::new(setup);
     let mut limit = setup.t_max;
     counter.boxes(1);
     if slabs.entry(root, setup.t_min, limit).is_none() {
-        return visitor;
+        return visitor.answer();
     }
     let mut stack = Stack::new();
     let mut index = 0;
@@ -195,7 +199,7 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
                     if let Some(t) = visitor.take(Found { t, u, v, det: 1.0, prim_id }) {
                         limit = t;
                         if ANY {
-                            return visitor;
+                            return visitor.answer();
                         }
                     }
                 }
@@ -224,7 +228,7 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
             }
         }
         loop {
-            let Some((popped, t)) = stack.pop() else { return visitor };
+            let Some((popped, t)) = stack.pop() else { return visitor.answer() };
             // Boxes at the same distance as the hit may hold one with a smaller id.
             if t <= limit {
                 index = popped;

@@ -142,7 +142,7 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
         let closest = Closest::new(setup.t_max);
-        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts).hit();
+        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts);
         (setup.finish(hit), counts)
     }
 
@@ -152,8 +152,8 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (false, counts) };
         let first = First::default();
-        let first = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
-        (first.is_hit, counts)
+        let is_hit = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
+        (is_hit, counts)
     }
 
     /// What the kernels need of a ray; `None` if there is nothing that it could hit.
@@ -211,7 +211,7 @@ macro_rules! intersector {
     ($width:literal, $($kernel:ident => $module:ident),+) => {
         impl WideScene<$width> {
             #[inline(always)]
-            fn closest<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V {
+            fn closest<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V::Answer {
                 match self.kernel {
                     $(
                         // SAFETY: `with_kernel` and `build_from` take available kernels only, and
@@ -226,7 +226,7 @@ macro_rules! intersector {
             }
 
             #[inline(always)]
-            fn any<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V {
+            fn any<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V::Answer {
                 match self.kernel {
                     $(
                         // SAFETY: as above.
@@ -243,12 +243,12 @@ macro_rules! intersector {
         impl Intersector for WideScene<$width> {
             fn closest_hit(&self, ray: &Ray) -> Hit {
                 let Some(setup) = self.setup(ray) else { return Hit::MISS };
-                setup.finish(self.closest(&setup, Closest::new(setup.t_max)).hit())
+                setup.finish(self.closest(&setup, Closest::new(setup.t_max)))
             }
 
             fn any_hit(&self, ray: &Ray) -> bool {
                 let Some(setup) = self.setup(ray) else { return false };
-                self.any(&setup, First::default()).is_hit
+                self.any(&setup, First::default())
             }
         }
 
@@ -257,7 +257,7 @@ macro_rules! intersector {
                 &self,
                 ray: &Ray,
                 visitor: impl FnOnce(RaySetup) -> V,
-            ) -> Option<V> {
+            ) -> Option<V::Answer> {
                 let setup = self.setup(ray)?;
                 Some(self.closest(&setup, visitor(setup)))
             }
@@ -266,7 +266,7 @@ macro_rules! intersector {
                 &self,
                 ray: &Ray,
                 visitor: impl FnOnce(RaySetup) -> V,
-            ) -> Option<V> {
+            ) -> Option<V::Answer> {
                 let setup = self.setup(ray)?;
                 Some(self.any(&setup, visitor(setup)))
             }

@@ -17,7 +17,7 @@ pub(crate) fn trace<const W: usize, const ANY: bool, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("fma") {
         // SAFETY: the processor has the instructions, as just checked.
@@ -34,7 +34,7 @@ fn traverse_fma<const W: usize, const ANY: bool, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     traverse::<W, ANY, V, C>(scene, setup, visitor, counter)
 }
 
@@ -44,7 +44,7 @@ fn traverse<const W: usize, const ANY: bool, V: Visitor, C: Counter>(
     setup: &RaySetup,
     mut visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     let slabs = Slabs::new(setup, scene.scale.magnitude);
     let mut limit = setup.t_max;
     let mut stack = Vec::with_capacity(scene.stack_bound.min(64));
@@ -58,7 +58,7 @@ fn traverse<const W: usize, const ANY: bool, V: Visitor, C: Counter>(
                 counter.leaf(count);
                 let (first, count) = (first as usize, count as usize);
                 if visit_leaf::<W, ANY, V>(scene, first, count, setup, &mut visitor, &mut limit) {
-                    return visitor;
+                    return visitor.answer();
                 }
             }
             Child::Node(index) => {
@@ -75,7 +75,7 @@ fn traverse<const W: usize, const ANY: bool, V: Visitor, C: Counter>(
             }
         }
     }
-    visitor
+    visitor.answer()
 }
 
 /// Where the ray enters a slot's box, if it does between `t_min` and `t_max`.

@@ -175,7 +175,7 @@ macro_rules! define_traversal {
             scene: &Layout<W>,
             setup: &RaySetup,
             mut visitor: V,
-        ) -> V {
+        ) -> V::Answer {
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -278,7 +278,7 @@ macro_rules! define_traversal {
                     }
                 }
             }
-            visitor
+            visitor.answer()
         }
 
         /// Shows hits to a visitor until it sets a limit.
@@ -290,7 +290,7 @@ macro_rules! define_traversal {
             scene: &Layout<W>,
             setup: &RaySetup,
             mut visitor: V,
-        ) -> V {
+        ) -> V::Answer {
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -327,12 +327,12 @@ macro_rules! define_traversal {
                         // SAFETY: a reference of the leaf.
                         let prim_id = unsafe { *prim_ids.add(hits.first + i as usize) };
                         if visitor.take(Found { t, u, v, det, prim_id }).is_some() {
-                            return visitor;
+                            return visitor.answer();
                         }
                     }
                 }
                 if depth == 0 {
-                    return visitor;
+                    return visitor.answer();
                 }
                 depth -= 1;
                 // SAFETY: entries that were stored.
