@@ -211,7 +211,11 @@ macro_rules! intersector {
     ($width:literal, $($kernel:ident => $module:ident),+) => {
         impl WideScene<$width> {
             #[inline(always)]
-            fn closest<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V::Answer {
+            fn closest<V: Visitor>(
+                &self,
+                setup: &RaySetup,
+                visitor: impl FnOnce() -> V,
+            ) -> V::Answer {
                 match self.kernel {
                     $(
                         // SAFETY: `with_kernel` and `build_from` take available kernels only, and
@@ -220,13 +224,17 @@ macro_rules! intersector {
                         Kernel::$kernel => unsafe { $module::closest(&self.layout, setup, visitor) },
                     )+
                     _ => scalar::trace::<$width, false, _, _>(
-                        &self.layout, setup, visitor, &mut (),
+                        &self.layout, setup, visitor(), &mut (),
                     ),
                 }
             }
 
             #[inline(always)]
-            fn any<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V::Answer {
+            fn any<V: Visitor>(
+                &self,
+                setup: &RaySetup,
+                visitor: impl FnOnce() -> V,
+            ) -> V::Answer {
                 match self.kernel {
                     $(
                         // SAFETY: as above.
@@ -234,7 +242,7 @@ macro_rules! intersector {
                         Kernel::$kernel => unsafe { $module::any(&self.layout, setup, visitor) },
                     )+
                     _ => scalar::trace::<$width, true, _, _>(
-                        &self.layout, setup, visitor, &mut (),
+                        &self.layout, setup, visitor(), &mut (),
                     ),
                 }
             }
@@ -243,12 +251,12 @@ macro_rules! intersector {
         impl Intersector for WideScene<$width> {
             fn closest_hit(&self, ray: &Ray) -> Hit {
                 let Some(setup) = self.setup(ray) else { return Hit::MISS };
-                setup.finish(self.closest(&setup, Closest::new(setup.t_max)))
+                setup.finish(self.closest(&setup, || Closest::new(setup.t_max)))
             }
 
             fn any_hit(&self, ray: &Ray) -> bool {
                 let Some(setup) = self.setup(ray) else { return false };
-                self.any(&setup, First::default())
+                self.any(&setup, First::default)
             }
         }
 
@@ -259,7 +267,7 @@ macro_rules! intersector {
                 visitor: impl FnOnce(RaySetup) -> V,
             ) -> Option<V::Answer> {
                 let setup = self.setup(ray)?;
-                Some(self.closest(&setup, visitor(setup)))
+                Some(self.closest(&setup, || visitor(setup)))
             }
 
             fn visit_until_limit<V: Visitor>(
@@ -268,7 +276,7 @@ macro_rules! intersector {
                 visitor: impl FnOnce(RaySetup) -> V,
             ) -> Option<V::Answer> {
                 let setup = self.setup(ray)?;
-                Some(self.any(&setup, visitor(setup)))
+                Some(self.any(&setup, || visitor(setup)))
             }
         }
 

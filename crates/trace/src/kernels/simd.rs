@@ -166,7 +166,8 @@ macro_rules! define_traversal {
             }
         }
 
-        /// Shows hits to a visitor, nearest boxes first.
+        /// Shows hits to a visitor, nearest boxes first. The visitor is made here: one that was handed
+        /// over would be in memory, and its state would stay there.
         ///
         /// # Safety
         /// The processor must have the instructions, and the scene nodes.
@@ -174,8 +175,9 @@ macro_rules! define_traversal {
         pub(crate) unsafe fn closest<V: Visitor>(
             scene: &Layout<W>,
             setup: &RaySetup,
-            mut visitor: V,
+            visitor: impl FnOnce() -> V,
         ) -> V::Answer {
+            let mut visitor = visitor();
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -289,8 +291,9 @@ macro_rules! define_traversal {
         pub(crate) unsafe fn any<V: Visitor>(
             scene: &Layout<W>,
             setup: &RaySetup,
-            mut visitor: V,
+            visitor: impl FnOnce() -> V,
         ) -> V::Answer {
+            let mut visitor = visitor();
             let ray = Lanes::new(setup, scene.scale.magnitude);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
