@@ -93,12 +93,12 @@ impl BinaryScene {
     fn closest<C: Counter>(&self, ray: &Ray, counter: &mut C) -> Hit {
         let Some(setup) = RaySetup::new(ray, self.scale) else { return Hit::MISS };
         let closest = Closest::new(setup.t_max);
-        setup.finish(self.show::<false, _, _>(&setup, closest, counter).hit())
+        setup.finish(self.show::<false, _, _>(&setup, closest, counter))
     }
 
     fn any<C: Counter>(&self, ray: &Ray, counter: &mut C) -> bool {
         let Some(setup) = RaySetup::new(ray, self.scale) else { return false };
-        self.show::<true, _, _>(&setup, First::default(), counter).is_hit
+        self.show::<true, _, _>(&setup, First::default(), counter)
     }
 
     /// [`trace`] in the mode of the scene.
@@ -108,7 +108,7 @@ impl BinaryScene {
         setup: &RaySetup,
         visitor: V,
         counter: &mut C,
-    ) -> V {
+    ) -> V::Answer {
         match self.mode {
             Mode::Fast => {
                 let leaves = Tested { scene: self, test: Fast::new(setup) };
@@ -154,7 +154,11 @@ impl<T: TriangleTest> Leaves for Tested<'_, T> {
 }
 
 impl Traverse for BinaryScene {
-    fn visit<V: Visitor>(&self, ray: &Ray, visitor: impl FnOnce(RaySetup) -> V) -> Option<V> {
+    fn visit<V: Visitor>(
+        &self,
+        ray: &Ray,
+        visitor: impl FnOnce(RaySetup) -> V,
+    ) -> Option<V::Answer> {
         let setup = RaySetup::new(ray, self.scale)?;
         Some(self.show::<false, _, _>(&setup, visitor(setup), &mut ()))
     }
@@ -163,7 +167,7 @@ impl Traverse for BinaryScene {
         &self,
         ray: &Ray,
         visitor: impl FnOnce(RaySetup) -> V,
-    ) -> Option<V> {
+    ) -> Option<V::Answer> {
         let setup = RaySetup::new(ray, self.scale)?;
         Some(self.show::<true, _, _>(&setup, visitor(setup), &mut ()))
     }
@@ -194,7 +198,7 @@ pub(crate) fn trace<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("fma") {
         // SAFETY: the processor has the instructions, as just checked.
@@ -212,7 +216,7 @@ fn traverse_fma<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     traverse::<ANY, L, V, C>(nodes, leaves, setup, visitor, counter)
 }
 
@@ -223,13 +227,13 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     setup: &RaySetup,
     mut visitor: V,
     counter: &mut C,
-) -> V {
-    let Some(root) = nodes.first() else { return visitor };
+) -> V::Answer {
+    let Some(root) = nodes.first() else { return visitor.answer() };
     let slabs = RobustSlabs::new(setup, leaves.pads(setup));
     let mut limit = setup.t_max;
     counter.boxes(1);
     if slabs.entry(root, setup.t_min, limit).is_none() {
-        return visitor;
+        return visitor.answer();
     }
     let mut stack = Stack::new();
     let mut index = 0;
@@ -244,7 +248,7 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
                     if let Some(t) = visitor.take(Found { t, u, v, det: 1.0, prim_id }) {
                         limit = t;
                         if ANY {
-                            return visitor;
+                            return visitor.answer();
                         }
                     }
                 }
@@ -273,7 +277,7 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
             }
         }
         loop {
-            let Some((popped, t)) = stack.pop() else { return visitor };
+            let Some((popped, t)) = stack.pop() else { return visitor.answer() };
             // Boxes at the same distance as the hit may hold one with a smaller id.
             if t <= limit {
                 index = popped;

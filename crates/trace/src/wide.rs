@@ -166,7 +166,7 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
         let closest = Closest::new(setup.t_max);
-        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts).hit();
+        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts);
         (setup.finish(hit), counts)
     }
 
@@ -176,8 +176,8 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (false, counts) };
         let first = First::default();
-        let first = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
-        (first.is_hit, counts)
+        let is_hit = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
+        (is_hit, counts)
     }
 
     /// What the kernels need of a ray; `None` if there is nothing that it could hit.
@@ -235,7 +235,11 @@ macro_rules! intersector {
     ($width:literal, $($kernel:ident => $module:ident),+) => {
         impl WideScene<$width> {
             #[inline(always)]
-            fn closest<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V {
+            fn closest<V: Visitor>(
+                &self,
+                setup: &RaySetup,
+                visitor: impl FnOnce() -> V,
+            ) -> V::Answer {
                 match (self.kernel, self.layout.mode) {
                     $(
                         // SAFETY: `with_kernel` and `build_in` take available kernels only, and
@@ -251,13 +255,17 @@ macro_rules! intersector {
                         },
                     )+
                     _ => scalar::trace::<$width, false, _, _>(
-                        &self.layout, setup, visitor, &mut (),
+                        &self.layout, setup, visitor(), &mut (),
                     ),
                 }
             }
 
             #[inline(always)]
-            fn any<V: Visitor>(&self, setup: &RaySetup, visitor: V) -> V {
+            fn any<V: Visitor>(
+                &self,
+                setup: &RaySetup,
+                visitor: impl FnOnce() -> V,
+            ) -> V::Answer {
                 match (self.kernel, self.layout.mode) {
                     $(
                         // SAFETY: as above.
@@ -272,7 +280,7 @@ macro_rules! intersector {
                         },
                     )+
                     _ => scalar::trace::<$width, true, _, _>(
-                        &self.layout, setup, visitor, &mut (),
+                        &self.layout, setup, visitor(), &mut (),
                     ),
                 }
             }
@@ -281,12 +289,12 @@ macro_rules! intersector {
         impl Intersector for WideScene<$width> {
             fn closest_hit(&self, ray: &Ray) -> Hit {
                 let Some(setup) = self.setup(ray) else { return Hit::MISS };
-                setup.finish(self.closest(&setup, Closest::new(setup.t_max)).hit())
+                setup.finish(self.closest(&setup, || Closest::new(setup.t_max)))
             }
 
             fn any_hit(&self, ray: &Ray) -> bool {
                 let Some(setup) = self.setup(ray) else { return false };
-                self.any(&setup, First::default()).is_hit
+                self.any(&setup, First::default)
             }
         }
 
@@ -295,18 +303,18 @@ macro_rules! intersector {
                 &self,
                 ray: &Ray,
                 visitor: impl FnOnce(RaySetup) -> V,
-            ) -> Option<V> {
+            ) -> Option<V::Answer> {
                 let setup = self.setup(ray)?;
-                Some(self.closest(&setup, visitor(setup)))
+                Some(self.closest(&setup, || visitor(setup)))
             }
 
             fn visit_until_limit<V: Visitor>(
                 &self,
                 ray: &Ray,
                 visitor: impl FnOnce(RaySetup) -> V,
-            ) -> Option<V> {
+            ) -> Option<V::Answer> {
                 let setup = self.setup(ray)?;
-                Some(self.any(&setup, visitor(setup)))
+                Some(self.any(&setup, || visitor(setup)))
             }
         }
 

@@ -19,7 +19,7 @@ pub(crate) fn trace<const W: usize, const ANY: bool, V: Visitor, C: Counter>(
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     match scene.mode {
         Mode::Fast => dispatch::<W, ANY, Fast, V, C>(scene, setup, visitor, counter),
         Mode::Watertight => dispatch::<W, ANY, Sheared, V, C>(scene, setup, visitor, counter),
@@ -31,7 +31,7 @@ fn dispatch<const W: usize, const ANY: bool, T: TriangleTest, V: Visitor, C: Cou
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("fma") {
         // SAFETY: the processor has the instructions, as just checked.
@@ -48,7 +48,7 @@ fn traverse_fma<const W: usize, const ANY: bool, T: TriangleTest, V: Visitor, C:
     setup: &RaySetup,
     visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     traverse::<W, ANY, T, V, C>(scene, setup, visitor, counter)
 }
 
@@ -58,7 +58,7 @@ fn traverse<const W: usize, const ANY: bool, T: TriangleTest, V: Visitor, C: Cou
     setup: &RaySetup,
     mut visitor: V,
     counter: &mut C,
-) -> V {
+) -> V::Answer {
     let slabs = T::slabs(setup, &scene.scale);
     let test = T::new(setup);
     let mut limit = setup.t_max;
@@ -75,7 +75,7 @@ fn traverse<const W: usize, const ANY: bool, T: TriangleTest, V: Visitor, C: Cou
                 let t_min = setup.t_min;
                 let found = (&mut visitor, &mut limit);
                 if visit_leaf::<W, ANY, T, V>(scene, first, count, &test, t_min, found) {
-                    return visitor;
+                    return visitor.answer();
                 }
             }
             Child::Node(index) => {
@@ -92,7 +92,7 @@ fn traverse<const W: usize, const ANY: bool, T: TriangleTest, V: Visitor, C: Cou
             }
         }
     }
-    visitor
+    visitor.answer()
 }
 
 /// Where the ray enters a slot's box, if it does between `t_min` and `t_max`.

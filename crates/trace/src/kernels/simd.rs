@@ -141,7 +141,8 @@ macro_rules! define_traversal {
             }
         }
 
-        /// Shows hits to a visitor, nearest boxes first.
+        /// Shows hits to a visitor, nearest boxes first. The visitor is made here: one that was handed
+        /// over would be in memory, and its state would stay there.
         ///
         /// # Safety
         /// The processor must have the instructions, and the scene nodes.
@@ -149,8 +150,8 @@ macro_rules! define_traversal {
         pub(crate) unsafe fn closest<V: Visitor>(
             scene: &Layout<W>,
             setup: &RaySetup,
-            visitor: V,
-        ) -> V {
+            visitor: impl FnOnce() -> V,
+        ) -> V::Answer {
             // SAFETY: the same promise.
             unsafe { closest_as::<false, V>(scene, setup, visitor) }
         }
@@ -167,9 +168,9 @@ macro_rules! define_traversal {
             scene: &Layout<W>,
             setup: &RaySetup,
             visitor: V,
-        ) -> V {
+        ) -> V::Answer {
             // SAFETY: the same promise.
-            unsafe { closest_as::<true, V>(scene, setup, visitor) }
+            unsafe { closest_as::<true, V>(scene, setup, || visitor) }
         }
 
         #[target_feature(enable = $features)]
@@ -177,8 +178,9 @@ macro_rules! define_traversal {
         unsafe fn closest_as<const CAREFUL: bool, V: Visitor>(
             scene: &Layout<W>,
             setup: &RaySetup,
-            mut visitor: V,
-        ) -> V {
+            visitor: impl FnOnce() -> V,
+        ) -> V::Answer {
+            let mut visitor = visitor();
             let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -285,7 +287,7 @@ macro_rules! define_traversal {
                     }
                 }
             }
-            visitor
+            visitor.answer()
         }
 
         /// Shows hits to a visitor until it sets a limit.
@@ -293,7 +295,11 @@ macro_rules! define_traversal {
         /// # Safety
         /// As for [`closest`].
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn any<V: Visitor>(scene: &Layout<W>, setup: &RaySetup, visitor: V) -> V {
+        pub(crate) unsafe fn any<V: Visitor>(
+            scene: &Layout<W>,
+            setup: &RaySetup,
+            visitor: impl FnOnce() -> V,
+        ) -> V::Answer {
             // SAFETY: the same promise.
             unsafe { any_as::<false, V>(scene, setup, visitor) }
         }
@@ -302,9 +308,13 @@ macro_rules! define_traversal {
         #[target_feature(enable = $features)]
         #[cold]
         #[inline(never)]
-        unsafe fn any_with_care<V: Visitor>(scene: &Layout<W>, setup: &RaySetup, visitor: V) -> V {
+        unsafe fn any_with_care<V: Visitor>(
+            scene: &Layout<W>,
+            setup: &RaySetup,
+            visitor: V,
+        ) -> V::Answer {
             // SAFETY: the same promise.
-            unsafe { any_as::<true, V>(scene, setup, visitor) }
+            unsafe { any_as::<true, V>(scene, setup, || visitor) }
         }
 
         #[target_feature(enable = $features)]
@@ -312,8 +322,9 @@ macro_rules! define_traversal {
         unsafe fn any_as<const CAREFUL: bool, V: Visitor>(
             scene: &Layout<W>,
             setup: &RaySetup,
-            mut visitor: V,
-        ) -> V {
+            visitor: impl FnOnce() -> V,
+        ) -> V::Answer {
+            let mut visitor = visitor();
             let ray = Lanes::new(setup, &scene.scale);
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
@@ -350,7 +361,7 @@ macro_rules! define_traversal {
                         // SAFETY: a reference of the leaf.
                         let prim_id = unsafe { *prim_ids.add(hits.first + i as usize) };
                         if visitor.take(Found { t, u, v, det, prim_id }).is_some() {
-                            return visitor;
+                            return visitor.answer();
                         }
                     }
                     if hits.doubt {
@@ -359,7 +370,7 @@ macro_rules! define_traversal {
                     }
                 }
                 if depth == 0 {
-                    return visitor;
+                    return visitor.answer();
                 }
                 depth -= 1;
                 // SAFETY: entries that were stored.

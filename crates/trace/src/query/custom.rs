@@ -91,11 +91,11 @@ impl<P: Primitives> CustomScene<P> {
         &self,
         ray: &Ray,
         visitor: impl FnOnce(RaySetup) -> V,
-    ) -> Option<(RaySetup, V)> {
+    ) -> Option<(RaySetup, V::Answer)> {
         let setup = RaySetup::new(ray, self.scale)?;
         let leaves = Asked { scene: self, ray };
-        let visitor = trace::<ANY, _, _, _>(&self.nodes, &leaves, &setup, visitor(setup), &mut ());
-        Some((setup, visitor))
+        let answer = trace::<ANY, _, _, _>(&self.nodes, &leaves, &setup, visitor(setup), &mut ());
+        Some((setup, answer))
     }
 }
 
@@ -124,25 +124,29 @@ impl<P: Primitives> Leaves for Asked<'_, P> {
 impl<P: Primitives> Intersector for CustomScene<P> {
     fn closest_hit(&self, ray: &Ray) -> Hit {
         self.trace::<false, _>(ray, |setup| Closest::new(setup.t_max))
-            .map_or(Hit::MISS, |(setup, closest)| setup.finish(closest.hit()))
+            .map_or(Hit::MISS, |(setup, closest)| setup.finish(closest))
     }
 
     fn any_hit(&self, ray: &Ray) -> bool {
-        self.trace::<true, _>(ray, |_| First::default()).is_some_and(|(_, first)| first.is_hit)
+        self.trace::<true, _>(ray, |_| First::default()).is_some_and(|(_, is_hit)| is_hit)
     }
 }
 
 impl<P: Primitives> Traverse for CustomScene<P> {
-    fn visit<V: Visitor>(&self, ray: &Ray, visitor: impl FnOnce(RaySetup) -> V) -> Option<V> {
-        self.trace::<false, V>(ray, visitor).map(|(_, visitor)| visitor)
+    fn visit<V: Visitor>(
+        &self,
+        ray: &Ray,
+        visitor: impl FnOnce(RaySetup) -> V,
+    ) -> Option<V::Answer> {
+        self.trace::<false, V>(ray, visitor).map(|(_, answer)| answer)
     }
 
     fn visit_until_limit<V: Visitor>(
         &self,
         ray: &Ray,
         visitor: impl FnOnce(RaySetup) -> V,
-    ) -> Option<V> {
-        self.trace::<true, V>(ray, visitor).map(|(_, visitor)| visitor)
+    ) -> Option<V::Answer> {
+        self.trace::<true, V>(ray, visitor).map(|(_, answer)| answer)
     }
 }
 

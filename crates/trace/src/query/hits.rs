@@ -8,14 +8,18 @@ use niwaki_core::{Hit, Intersector, Ray};
 pub trait Traverse {
     /// All that the visitor's limits let through, nearest boxes first. `None` where nothing can be
     /// hit by definition, for then there is no visitor.
-    fn visit<V: Visitor>(&self, ray: &Ray, visitor: impl FnOnce(RaySetup) -> V) -> Option<V>;
+    fn visit<V: Visitor>(
+        &self,
+        ray: &Ray,
+        visitor: impl FnOnce(RaySetup) -> V,
+    ) -> Option<V::Answer>;
 
     /// Until the visitor sets a limit, in any order.
     fn visit_until_limit<V: Visitor>(
         &self,
         ray: &Ray,
         visitor: impl FnOnce(RaySetup) -> V,
-    ) -> Option<V>;
+    ) -> Option<V::Answer>;
 }
 
 /// What can be asked about a ray beyond [`Intersector`]: filters, and more than one hit.
@@ -57,15 +61,14 @@ pub trait HitQueries: Intersector + Traverse {
         ray: &Ray,
         filter: impl FnMut(u32, f32, f32, f32) -> bool,
     ) -> Hit {
-        self.visit(ray, |setup| ClosestAccepted::new(setup, filter)).map_or(Hit::MISS, |v| v.hit)
+        self.visit(ray, |setup| ClosestAccepted::new(setup, filter)).unwrap_or(Hit::MISS)
     }
 
     /// True if `filter(prim_id, t, u, v)` accepts any hit in the ray's range; it sees them in no
     /// particular order until it accepts one.
     #[must_use]
     fn any_hit_filtered(&self, ray: &Ray, filter: impl FnMut(u32, f32, f32, f32) -> bool) -> bool {
-        self.visit_until_limit(ray, |setup| FirstAccepted::new(setup, filter))
-            .is_some_and(|v| v.is_hit)
+        self.visit_until_limit(ray, |setup| FirstAccepted::new(setup, filter)).unwrap_or(false)
     }
 
     /// Replaces `hits` by all hits in the ray's range, sorted by `t`, then by `prim_id`; a
@@ -85,9 +88,8 @@ pub trait HitQueries: Intersector + Traverse {
         if most == 0 {
             return;
         }
-        if let Some(visitor) = self.visit(ray, |setup| Collect::new(setup, hits, most)) {
-            visitor.finish();
-        }
+        // Without an answer there is nothing to hit, and the list stays empty.
+        let _ = self.visit(ray, |setup| Collect::new(setup, hits, most));
     }
 
     /// How many primitives the ray meets in its range, but at most `most`.

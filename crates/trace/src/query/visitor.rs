@@ -33,12 +33,19 @@ impl Found {
 /// in registers and they pay nothing for the others. A primitive that a tree refers to more than
 /// once may come more than once, each time with the same bits.
 pub trait Visitor: Sized {
+    /// What it makes of the hits. Formed inside the kernel: a state that were returned instead would
+    /// live in memory from its first change on, and the reader would wait for it.
+    type Answer;
+
     /// Whether a hit is of interest that lies in the ray's range and not past the last limit.
     fn wants(&self, t: f32, prim_id: u32) -> bool;
 
     /// Takes a hit that it wants. `Some` is a new limit: what lies farther is of no interest any
     /// more; kernels that look for any hit stop there.
     fn take(&mut self, hit: Found) -> Option<f32>;
+
+    /// After the last hit.
+    fn answer(self) -> Self::Answer;
 }
 
 /// `true` where a hit at `t` is to be preferred: nearer, or as near and of a smaller id.
@@ -60,18 +67,12 @@ impl Closest {
     pub(crate) const fn new(t_max: f32) -> Self {
         Self { best: no_hit(t_max), det: 1.0 }
     }
-
-    /// The hit, still in scaled distance.
-    #[inline(always)]
-    pub(crate) fn hit(self) -> Hit {
-        if !self.best.is_hit() {
-            return Hit::MISS;
-        }
-        Hit { u: self.best.u / self.det, v: self.best.v / self.det, ..self.best }
-    }
 }
 
 impl Visitor for Closest {
+    /// The hit, still in scaled distance.
+    type Answer = Hit;
+
     #[inline(always)]
     fn wants(&self, t: f32, prim_id: u32) -> bool {
         is_better(t, prim_id, &self.best)
@@ -83,15 +84,25 @@ impl Visitor for Closest {
         self.det = det;
         Some(t)
     }
+
+    #[inline(always)]
+    fn answer(self) -> Hit {
+        if !self.best.is_hit() {
+            return Hit::MISS;
+        }
+        Hit { u: self.best.u / self.det, v: self.best.v / self.det, ..self.best }
+    }
 }
 
 /// Is content with the first hit that it is shown.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct First {
-    pub(crate) is_hit: bool,
+    is_hit: bool,
 }
 
 impl Visitor for First {
+    type Answer = bool;
+
     #[inline(always)]
     fn wants(&self, _: f32, _: u32) -> bool {
         true
@@ -102,6 +113,11 @@ impl Visitor for First {
         self.is_hit = true;
         Some(hit.t)
     }
+
+    #[inline(always)]
+    fn answer(self) -> bool {
+        self.is_hit
+    }
 }
 
 /// Keeps the closest hit that a filter accepts.
@@ -110,7 +126,7 @@ pub(crate) struct ClosestAccepted<F> {
     filter: F,
     best: Hit,
     /// `best` in the ray's own distance.
-    pub(crate) hit: Hit,
+    hit: Hit,
 }
 
 impl<F> ClosestAccepted<F> {
@@ -120,6 +136,9 @@ impl<F> ClosestAccepted<F> {
 }
 
 impl<F: FnMut(u32, f32, f32, f32) -> bool> Visitor for ClosestAccepted<F> {
+    /// The hit in the ray's own distance.
+    type Answer = Hit;
+
     #[inline(always)]
     fn wants(&self, t: f32, prim_id: u32) -> bool {
         is_better(t, prim_id, &self.best)
@@ -135,13 +154,18 @@ impl<F: FnMut(u32, f32, f32, f32) -> bool> Visitor for ClosestAccepted<F> {
         self.hit = hit;
         Some(found.t)
     }
+
+    #[inline(always)]
+    fn answer(self) -> Hit {
+        self.hit
+    }
 }
 
 /// Is content with the first hit that a filter accepts.
 pub(crate) struct FirstAccepted<F> {
     setup: RaySetup,
     filter: F,
-    pub(crate) is_hit: bool,
+    is_hit: bool,
 }
 
 impl<F> FirstAccepted<F> {
@@ -151,6 +175,8 @@ impl<F> FirstAccepted<F> {
 }
 
 impl<F: FnMut(u32, f32, f32, f32) -> bool> Visitor for FirstAccepted<F> {
+    type Answer = bool;
+
     #[inline(always)]
     fn wants(&self, _: f32, _: u32) -> bool {
         true
@@ -161,6 +187,11 @@ impl<F: FnMut(u32, f32, f32, f32) -> bool> Visitor for FirstAccepted<F> {
         let hit = found.finish(&self.setup);
         self.is_hit = (self.filter)(hit.prim_id, hit.t, hit.u, hit.v);
         self.is_hit.then_some(found.t)
+    }
+
+    #[inline(always)]
+    fn answer(self) -> bool {
+        self.is_hit
     }
 }
 
@@ -185,19 +216,12 @@ impl<'a> Collect<'a> {
         let room = most.saturating_add(most / 8 + 1);
         Self { setup, hits, most, room, limit: setup.t_max }
     }
-
-    /// Puts the list in order.
-    pub(crate) fn finish(self) {
-        let Self { hits, most, .. } = self;
-        // In their own distance, in which two scaled ones may fall together.
-        for hit in &mut *hits {
-            *hit = self.setup.finish(*hit);
-        }
-        put_in_order(hits, most);
-    }
 }
 
 impl Visitor for Collect<'_> {
+    /// The list, in order.
+    type Answer = ();
+
     #[inline(always)]
     fn wants(&self, t: f32, _: u32) -> bool {
         t <= self.limit
@@ -215,6 +239,14 @@ impl Visitor for Collect<'_> {
         }
         self.limit = self.hits.last()?.t;
         Some(self.limit)
+    }
+
+    fn answer(self) {
+        // In their own distance, in which two scaled ones may fall together.
+        for hit in &mut *self.hits {
+            *hit = self.setup.finish(*hit);
+        }
+        put_in_order(self.hits, self.most);
     }
 }
 
