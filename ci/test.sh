@@ -63,6 +63,9 @@ test "$(grep -c -- '-1$' out/ci-trace/hits.csv)" = 1
 step "report, merged"
 cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report
 
+step "stability, small"
+cargo xtask stability --quick --builders bonsai_p,bonsai_s,best,lbvh --out out/ci-stability
+
 step "verification, small"
 cargo xtask verify --quick --out out/ci-verify
 

@@ -31,6 +31,23 @@ pub fn brute_force_in(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
 }
 
 fn test_all<T: TriangleTest>(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("fma") {
+        // SAFETY: the processor has the instructions, as just checked.
+        return unsafe { test_all_fma::<T>(mode, mesh, ray) };
+    }
+    test_each::<T>(mode, mesh, ray)
+}
+
+/// The same code with hardware multiply-adds, whose results are the same by definition.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "fma")]
+fn test_all_fma<T: TriangleTest>(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
+    test_each::<T>(mode, mesh, ray)
+}
+
+#[inline(always)]
+fn test_each<T: TriangleTest>(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
     let scale = SceneScale::of(&mesh.bounds());
     let Some(setup) = RaySetup::new(ray, scale) else { return Hit::MISS };
     let test = T::new(&setup);

@@ -3,11 +3,11 @@
 use super::{
     Options,
     compare::{Reference, any, closest},
-    kernels::{Named, each_kernel},
+    kernels::each_kernel,
     ledger::{Absent, Culprit, Ledger, Row, Tally},
     trees::{build_and_check, check_peer},
 };
-use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh};
+use niwaki_core::{Builder, Hit, Intersector, Ray};
 use niwaki_peers::{
     Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, PeerBuild, PeerError, Quality,
 };
@@ -135,27 +135,4 @@ pub(crate) fn run(
         })?;
     }
     Ok(())
-}
-
-/// Peers that cannot build a mesh.
-pub(crate) type Failed = Vec<(&'static str, PeerError)>;
-
-/// Peers' kernels over a mesh, for the count of leaks, and those that cannot build it.
-pub(crate) fn peer_kernels(embree: Option<&Embree>, mesh: &TriangleMesh) -> (Named, Failed) {
-    let (mut kernels, mut absent) = (Named::new(), Vec::new());
-    let mut add = |name: &'static str, peer: Result<Box<dyn Intersector>, PeerError>| match peer {
-        Ok(scene) => kernels.push((name.to_owned(), scene)),
-        Err(error) => absent.push((name, error)),
-    };
-    if let Some(embree) = embree {
-        for (name, robust) in [("embree fast", false), ("embree robust", true)] {
-            let scene = EmbreeScene::new(embree, mesh, Quality::Medium, robust);
-            add(name, scene.map(|s| Box::new(s) as Box<dyn Intersector>));
-        }
-    }
-    for (name, kernel) in [("obvhs bvh2", ObvhsKernel::Bvh2), ("obvhs cwbvh", ObvhsKernel::CwBvh)] {
-        let scene = ObvhsScene::new(mesh, ObvhsPreset::Medium, kernel);
-        add(name, scene.map(|s| Box::new(s) as Box<dyn Intersector>));
-    }
-    (kernels, absent)
 }

@@ -1,17 +1,16 @@
-//! Hard cases: every builder × kernel against brute force, and leaks against the exact answer.
+//! Hard cases: every builder × kernel against brute force, and that against the exact answer.
 
 use super::{
     Options,
     compare::{Reference, any, closest},
-    full::Failed,
-    kernels::{BruteForce, Named, each_kernel},
-    ledger::{Absent, Culprit, LeakRow, Ledger, Row},
+    kernels::{BruteForce, each_kernel},
+    ledger::{Culprit, Ledger, Row},
     trees::build_and_check,
 };
-use niwaki_core::{Builder, Hit, Intersector, Ray, TriangleMesh, float::round_down};
+use niwaki_core::{Builder, Hit, Ray, TriangleMesh, float::round_down};
 use niwaki_exact::closest_in_mesh;
-use niwaki_hard_cases::{Case, bad_rays, closed_star, rays};
-use niwaki_trace::{Mode, WideScene};
+use niwaki_hard_cases::{Case, bad_rays, rays};
+use niwaki_trace::Mode;
 
 /// Triangle tests a case may spend on brute force.
 const BRUTE_FORCE_TESTS: usize = 40_000_000;
@@ -140,98 +139,4 @@ fn against_exact(
         check: format!("{} triangle test against the exact answer", brute.0),
         what,
     }));
-}
-
-/// Counts leaks of our fastest kernels and of `peers` on closed surfaces of several sizes and
-/// places. Those of fast kernels are counted, not judged, ours and the peers'; a watertight one
-/// must have none.
-pub(crate) fn leaks(
-    options: &Options,
-    builder: &dyn Builder,
-    peers: &dyn Fn(&TriangleMesh) -> (Named, Failed),
-    ledger: &mut Ledger,
-) -> anyhow::Result<()> {
-    for (name, size, offset) in [
-        ("size 1", 1.0, [0.0; 3]),
-        ("size 1 at (1e3, 7e2, -1.3e3)", 1.0, [1e3, 7e2, -1.3e3]),
-        ("size 1e4 at (1e7, 7e6, -1.3e7)", 1e4, [1e7, 7e6, -1.3e7]),
-        ("size 1e-6", 1e-6, [0.0; 3]),
-        ("size 1e6", 1e6, [0.0; 3]),
-        ("size 1e-30", 1e-30, [0.0; 3]),
-        ("size 1e30", 1e30, [0.0; 3]),
-    ] {
-        let mesh = closed_star(6, size, offset.into(), options.seed);
-        let rays = from_inside(&mesh, size, offset.into(), options.leak_rays);
-        let mut add = |kernel: &str, scene: &dyn Intersector| {
-            let leaks = closest(scene, &rays).iter().filter(|hit| !hit.is_hit()).count();
-            let scene = name.to_owned();
-            ledger.leaks.push(LeakRow {
-                scene,
-                kernel: kernel.to_owned(),
-                rays: rays.len(),
-                leaks,
-            });
-            leaks
-        };
-        let bvh = builder.build_mesh(&mesh)?;
-        add("niwaki fast", &WideScene::new_in(Mode::Fast, &bvh, &mesh)?);
-        let watertight = WideScene::new_in(Mode::Watertight, &bvh, &mesh)?;
-        let leaks = add("niwaki watertight", &watertight);
-        let (kernels, absent) = peers(&mesh);
-        for (name, scene) in kernels {
-            add(&name, scene.as_ref());
-        }
-        let absent = absent.iter().map(|(peer, error)| Absent::new(name, peer, error));
-        ledger.absent.extend(absent);
-        if leaks > 0 {
-            ledger.culprits.push(Culprit {
-                scene: name.to_owned(),
-                builder: builder.name().to_owned(),
-                check: "watertight".to_owned(),
-                what: format!("{leaks} of {} rays left a closed surface", rays.len()),
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Rays from points well inside the star, aimed exactly at corners and at points on edges.
-fn from_inside(
-    mesh: &TriangleMesh,
-    size: f32,
-    offset: niwaki_core::glam::Vec3,
-    count: usize,
-) -> Vec<Ray> {
-    let inner = 0.5 * size;
-    niwaki_hard_cases::aimed_at_borders(mesh, 2 * count, 11)
-        .into_iter()
-        .enumerate()
-        .filter(|(i, _)| i % 3 != 2)
-        .take(count)
-        .map(|(_, ray)| {
-            // Keep the target, pull the origin into the sphere that the surface encloses.
-            let target = ray.origin + ray.direction;
-            let from_center = (ray.origin - offset).clamp_length_max(inner);
-            let origin = offset + from_center;
-            Ray::new(origin, target - origin)
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rays_from_inside_start_inside() {
-        let mesh = closed_star(2, 2.0, [5.0, 0.0, 0.0].into(), 1);
-        let rays = from_inside(&mesh, 2.0, [5.0, 0.0, 0.0].into(), 500);
-        assert_eq!(rays.len(), 500);
-        assert!(
-            rays.iter().all(|r| (r.origin - niwaki_core::glam::Vec3::X * 5.0).length() <= 1.001)
-        );
-        let hits = closest(&BruteForce(Mode::Fast, &mesh), &rays);
-        let lost = hits.iter().filter(|h| !h.is_hit()).count();
-        assert!(lost < 100, "most rays must hit, {lost} of 500 did not");
-    }
 }

@@ -16,9 +16,6 @@ impl Intersector for BruteForce<'_> {
     }
 }
 
-/// Kernels of any make with their names.
-pub(crate) type Named = Vec<(String, Box<dyn Intersector>)>;
-
 /// Calls `f` with every kernel that this processor can run over the tree, its name and its mode:
 /// in each mode the binary reference, then the 8-wide ones, slowest first.
 pub(crate) fn each_kernel(

@@ -110,8 +110,6 @@ pub(crate) struct Ledger {
     pub(crate) rows: Vec<Row>,
     /// SAH and size of every tree, ours and peers'.
     pub(crate) trees: Vec<TreeRow>,
-    /// Rays from inside closed surfaces that got out.
-    pub(crate) leaks: Vec<LeakRow>,
     /// Peers that could not take part.
     pub(crate) absent: Vec<Absent>,
     pub(crate) culprits: Vec<Culprit>,
@@ -130,19 +128,6 @@ impl Absent {
     pub(crate) fn new(scene: &str, peer: &str, error: &niwaki_peers::PeerError) -> Self {
         Self { scene: scene.to_owned(), peer: peer.to_owned(), why: error.to_string() }
     }
-}
-
-/// Rays from inside a closed surface that get out, ours beside the peers'.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct LeakRow {
-    /// Size and place of the closed surface.
-    pub(crate) scene: String,
-    /// Whose kernel.
-    pub(crate) kernel: String,
-    /// Rays, half aimed at corners and half at points on edges.
-    pub(crate) rays: usize,
-    /// Those that hit nothing; in exact arithmetic there are none.
-    pub(crate) leaks: usize,
 }
 
 /// One tree that was checked.

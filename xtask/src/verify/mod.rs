@@ -22,7 +22,6 @@ use std::process::ExitCode;
 struct Options {
     rays: usize,
     hard_rays: usize,
-    leak_rays: usize,
     seed: u64,
     quick: bool,
 }
@@ -48,7 +47,6 @@ pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let options = Options {
         rays: args.rays.unwrap_or(if args.quick { 50_000 } else { 1_000_000 }),
         hard_rays: if args.quick { 40 } else { 400 },
-        leak_rays: if args.quick { 100_000 } else { 1_000_000 },
         seed: args.seed,
         quick: args.quick,
     };
@@ -77,9 +75,6 @@ pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     if !args.no_hard_cases {
         bar.set_prefix("hard cases");
         hard::run(&options, &builders, &mut ledger, |what| bar.set_message(what.to_owned()))?;
-        bar.set_message("leaks of closed surfaces");
-        let peers = |mesh: &_| full::peer_kernels(embree.as_ref(), mesh);
-        hard::leaks(&options, builders[0].as_ref(), &peers, &mut ledger)?;
     }
     let sources = scenes(args)?;
     let mut unloadable = Vec::new();

@@ -10,10 +10,6 @@ pub(crate) fn tables(ledger: &Ledger) {
     println!("{}", answers(ledger).to_text());
     println!("\nTrees (SAH with C_I = 2, C_L = 0, C_T = 1)");
     println!("{}", trees(ledger).to_text());
-    if !ledger.leaks.is_empty() {
-        println!("\nLeaks of closed surfaces, rays aimed at corners and edges from inside");
-        println!("{}", leaks(ledger).to_text());
-    }
     if !ledger.absent.is_empty() {
         println!("\nPeers that could not take part");
         println!("{}", absent(ledger).to_text());
@@ -105,20 +101,6 @@ fn trees(ledger: &Ledger) -> Table {
             t.sah.into(),
             yes(t.valid).into(),
             t.deterministic.map(yes).into(),
-        ]);
-    }
-    table
-}
-
-fn leaks(ledger: &Ledger) -> Table {
-    let mut table = table("leaks", &["closed surface", "kernel", "rays", "leaks", "per million"]);
-    for row in &ledger.leaks {
-        table.push(vec![
-            row.scene.clone().into(),
-            row.kernel.clone().into(),
-            row.rays.into(),
-            row.leaks.into(),
-            (row.leaks as f64 * 1e6 / row.rays.max(1) as f64).into(),
         ]);
     }
     table
