@@ -71,7 +71,7 @@ pub fn closed() -> Vec<Closed> {
     vec![
         star("closed_star", "of size 1 around the origin", 1.0, Vec3::ZERO),
         star(
-            "star_offset",
+            "closed_star_offset",
             "coordinates of 1,000 times the size",
             1.0,
             Vec3::new(1e3, 7e2, -1.3e3),

@@ -216,8 +216,8 @@ mod tests {
             cases: vec![("c".into(), "hard".into(), 3)],
             findings: vec![
                 finding(Source::Embree, "medium", "robust", row(10, 5, 2)),
-                finding(Source::Niwaki, "a", "avx2", row(10, 1, 0)),
-                finding(Source::Niwaki, "b", "avx2", row(20, 2, 0)),
+                finding(Source::Niwaki, "a", "avx2_fast", row(10, 1, 0)),
+                finding(Source::Niwaki, "b", "avx2_fast", row(20, 2, 0)),
                 finding(Source::Niwaki, "c", "", None),
             ],
         }
@@ -226,9 +226,9 @@ mod tests {
     #[test]
     fn our_trees_share_a_line_and_come_first() {
         let catalogue = catalogue();
-        let expected = ["niwaki avx2", "niwaki (builders)", "embree medium robust"];
+        let expected = ["niwaki avx2_fast", "niwaki (builders)", "embree medium robust"];
         assert_eq!(subjects(&catalogue), expected);
-        let ours = catalogue.findings.iter().filter(|f| subject(f) == "niwaki avx2");
+        let ours = catalogue.findings.iter().filter(|f| subject(f) == "niwaki avx2_fast");
         let sum = Sum::of(ours);
         assert_eq!((sum.tally.rays, sum.leaks, sum.failures()), (30, 3, 0));
         assert_eq!(sum.leaks_per_million(), Some(1500.0));

@@ -5,6 +5,7 @@ use anyhow::{Context, Result};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How the attempt of an engine at a case ended, if not with answers.
@@ -53,6 +54,8 @@ struct Worker {
     child: Child,
     input: ChildStdin,
     events: Receiver<Event>,
+    /// Ends with the last line that it wrote to standard error: an assertion, as a rule.
+    last_words: Option<JoinHandle<Option<String>>>,
 }
 
 impl Worker {
@@ -60,10 +63,15 @@ impl Worker {
         let mut child = command
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
             .spawn()
             .context("cannot start a worker process")?;
         let input = child.stdin.take().context("a worker has no input")?;
         let output = child.stdout.take().context("a worker has no output")?;
+        let errors = child.stderr.take().context("a worker has no standard error")?;
+        let last_words = std::thread::spawn(move || {
+            BufReader::new(errors).lines().map_while(Result::ok).filter(|l| !l.is_empty()).last()
+        });
         let (sender, events) = channel();
         std::thread::spawn(move || {
             // What is no event was printed by a library.
@@ -74,7 +82,16 @@ impl Worker {
                 }
             }
         });
-        Ok(Self { child, input, events })
+        Ok(Self { child, input, events, last_words: Some(last_words) })
+    }
+}
+
+impl Worker {
+    /// Makes an end of it and returns its last words.
+    fn bury(mut self) -> Option<String> {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        self.last_words.take()?.join().ok().flatten()
     }
 }
 
@@ -150,8 +167,10 @@ impl<'a> Watch<'a> {
                     }
                 }
             };
-            if let Some((end, what)) = end {
-                self.worker = None;
+            if let Some((end, mut what)) = end {
+                if let Some(words) = self.worker.take().and_then(Worker::bury) {
+                    what = format!("{what}, {words}");
+                }
                 let engine = engine.with_context(|| {
                     format!("a worker failed before its first engine: {}, {what}", end.name())
                 })?;
@@ -180,6 +199,10 @@ mod tests {
                 engine,
                 match outcome {
                     Outcome::Answered(row) => row.kernel,
+                    Outcome::Ended { kernel, end: End::Crash, what } => {
+                        assert!(what.ends_with("last words"), "{what}");
+                        format!("crash in {kernel:?}")
+                    }
                     Outcome::Ended { kernel, end, .. } => format!("{} in {kernel:?}", end.name()),
                 },
             ));
@@ -200,7 +223,7 @@ mod tests {
         let script = format!(
             "{ANSWER}
             case $engines in
-                4*) answer 4; echo 'words of a library'
+                4*) answer 4; echo 'words of a library'; echo 'last words' >&2
                     echo '{{\"Engine\":5}}'; echo '{{\"Kernel\":\"fast\"}}'; kill -9 $$ ;;
                 *) answer $engines; echo '\"Done\"' ;;
             esac"
