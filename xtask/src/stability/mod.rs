@@ -338,7 +338,7 @@ impl Finding {
         let wrong = self.row.as_ref().is_some_and(|row| {
             row.tally.ours_wrong > 0
                 || row.illegal > 0
-                || (row.leaks > 0 && engines::is_watertight(&row.kernel))
+                || (row.leaks > 0 && engines::is_watertight(&self.kernel))
         });
         self.source == Source::Niwaki && (wrong || self.end.is_some())
     }

@@ -171,7 +171,7 @@ fn noteworthy(catalogue: &Catalogue) -> Table {
             }
             (None, _, Some(row)) if finding.counts_against_us() => {
                 let example = row.example.clone().unwrap_or_default();
-                let leaks = if engines::is_watertight(&row.kernel) { row.leaks } else { 0 };
+                let leaks = if engines::is_watertight(&finding.kernel) { row.leaks } else { 0 };
                 let wrong = row.tally.ours_wrong + row.illegal;
                 format!("{wrong} wrong, {leaks} leaks; {example}")
             }
