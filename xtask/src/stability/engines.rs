@@ -32,7 +32,7 @@ impl Engine {
             for robust in [false, true] {
                 engines.extend(Quality::ALL.map(|quality| Self::Embree { quality, robust }));
             }
-            for kernel in [ObvhsKernel::Bvh2, ObvhsKernel::CwBvh] {
+            for kernel in ObvhsKernel::ALL {
                 engines.extend(
                     [ObvhsPreset::Fastest, ObvhsPreset::Medium]
                         .map(|preset| Self::Obvhs { preset, kernel }),
@@ -66,8 +66,7 @@ impl Engine {
             Self::BruteForce | Self::Ours(_) => None,
             Self::Embree { robust: false, .. } => Some("fast"),
             Self::Embree { robust: true, .. } => Some("robust"),
-            Self::Obvhs { kernel: ObvhsKernel::Bvh2, .. } => Some("bvh2"),
-            Self::Obvhs { kernel: ObvhsKernel::CwBvh, .. } => Some("cwbvh"),
+            Self::Obvhs { kernel, .. } => Some(kernel.name()),
         }
     }
 
