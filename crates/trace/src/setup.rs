@@ -40,11 +40,15 @@ impl RaySetup {
             && length.max_element() >= 1e-9
             && ray.t_min <= ray.t_max
             && t_min <= t_max;
-        if !moderate {
-            return Self::rescaled(ray, scale, t_min, t_max);
-        }
-        let (origin, direction) = (ray.origin, ray.direction);
-        Some(Self { origin, direction, t_min, t_max, t_factor: 1.0, is_extreme: false })
+        // Taken apart, so that the fields can be in registers: the answer of a call is in memory,
+        // where vectors that were just written word by word cannot be read without a wait.
+        let (origin, direction, t_min, t_max, t_factor) = if moderate {
+            (ray.origin, ray.direction, t_min, t_max, 1.0)
+        } else {
+            let s = Self::rescaled(ray, scale, t_min, t_max)?;
+            (s.origin, s.direction, s.t_min, s.t_max, s.t_factor)
+        };
+        Some(Self { origin, direction, t_min, t_max, t_factor, is_extreme: !moderate })
     }
 
     /// Any other ray: brings the longest component of the direction into 1..2.

@@ -4,7 +4,7 @@
 use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
 use crate::{
     Counts, HitQueries, Kernel, Mode, SceneError,
-    kernels::scalar,
+    kernels::{batches, scalar},
     query::{
         hits::Traverse,
         visitor::{Closest, First, Visitor},
@@ -180,6 +180,14 @@ impl<const W: usize> WideScene<W> {
         (is_hit, counts)
     }
 
+    /// True if the rays are better answered in turns than one by one.
+    #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "kernels of x86-64"))]
+    fn takes_turns(&self, rays: &[Ray]) -> bool {
+        rays.len() >= batches::LEAST
+            && !self.layout.nodes.is_empty()
+            && self.layout.stack_bound <= batches::DEEPEST
+    }
+
     /// What the kernels need of a ray; `None` if there is nothing that it could hit.
     #[inline(always)]
     fn setup(&self, ray: &Ray) -> Option<RaySetup> {
@@ -295,6 +303,54 @@ macro_rules! intersector {
             fn any_hit(&self, ray: &Ray) -> bool {
                 let Some(setup) = self.setup(ray) else { return false };
                 self.any(&setup, First::default)
+            }
+
+            fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit]) {
+                assert_eq!(rays.len(), hits.len(), "one hit slot per ray");
+                let many = self.takes_turns(rays);
+                match (self.kernel, self.layout.mode) {
+                    $(
+                        // SAFETY: as above, with nodes.
+                        #[cfg(target_arch = "x86_64")]
+                        (Kernel::$kernel, Mode::Fast) if many => unsafe {
+                            $module::fast::closest_batch(&self.layout, rays, hits);
+                        },
+                        // SAFETY: as above, with nodes.
+                        #[cfg(target_arch = "x86_64")]
+                        (Kernel::$kernel, Mode::Watertight) if many => unsafe {
+                            $module::watertight::closest_batch(&self.layout, rays, hits);
+                        },
+                    )+
+                    _ => {
+                        for (ray, hit) in rays.iter().zip(hits) {
+                            *hit = self.closest_hit(ray);
+                        }
+                    }
+                }
+            }
+
+            fn any_hits(&self, rays: &[Ray], occluded: &mut [bool]) {
+                assert_eq!(rays.len(), occluded.len(), "one flag per ray");
+                let many = self.takes_turns(rays);
+                match (self.kernel, self.layout.mode) {
+                    $(
+                        // SAFETY: as above, with nodes.
+                        #[cfg(target_arch = "x86_64")]
+                        (Kernel::$kernel, Mode::Fast) if many => unsafe {
+                            $module::fast::any_batch(&self.layout, rays, occluded);
+                        },
+                        // SAFETY: as above, with nodes.
+                        #[cfg(target_arch = "x86_64")]
+                        (Kernel::$kernel, Mode::Watertight) if many => unsafe {
+                            $module::watertight::any_batch(&self.layout, rays, occluded);
+                        },
+                    )+
+                    _ => {
+                        for (ray, flag) in rays.iter().zip(occluded) {
+                            *flag = self.any_hit(ray);
+                        }
+                    }
+                }
             }
         }
 

@@ -57,7 +57,7 @@ fn nothing_is_hit_in_an_empty_scene() {
 
 #[test]
 fn chains_of_any_depth_are_traced() {
-    for count in [10_000, 1_000_000] {
+    for count in [300, 10_000, 1_000_000] {
         let mesh = stack_of(count);
         let bvh = chain_tree(&mesh);
         let binary = BinaryScene::new(&bvh, &mesh).unwrap();
@@ -73,6 +73,15 @@ fn chains_of_any_depth_are_traced() {
             assert_eq!((hit.prim_id as usize, hit.t), (count - 1, 1.0));
             assert_eq!(scene.closest_hit(&past), Hit::MISS);
             assert!(scene.any_hit(&up) && scene.any_hit(&down) && !scene.any_hit(&past));
+            let rays = [up, down, past].repeat(7);
+            let (mut hits, mut flags) = (vec![Hit::MISS; 21], vec![false; 21]);
+            scene.closest_hits(&rays, &mut hits);
+            scene.any_hits(&rays, &mut flags);
+            let last = to_u32(count - 1);
+            for (hits, flags) in hits.chunks(3).zip(flags.chunks(3)) {
+                assert_eq!([hits[0].prim_id, hits[1].prim_id], [0, last]);
+                assert_eq!((hits[2], flags), (Hit::MISS, [true, true, false].as_slice()));
+            }
         };
         check(&binary);
         for kernel in Kernel::available() {

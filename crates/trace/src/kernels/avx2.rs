@@ -1,6 +1,7 @@
 //! The kernel for AVX2 and FMA.
 
 use super::{
+    batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
     simd::define_traversal,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
@@ -9,10 +10,14 @@ use super::{
     vectors::vectors256::*,
 };
 use crate::{
-    query::visitor::{Found, Visitor},
+    query::visitor::{Closest, First, Found, Visitor},
     scale::SceneScale,
     setup::{RaySetup, Slabs},
     wide::{Layout, WORDS},
+};
+use niwaki_core::{
+    Hit, Ray,
+    glam::{Vec3, Vec3A},
 };
 use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
@@ -22,6 +27,7 @@ pub(crate) mod fast {
     use super::*;
 
     define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8, define_fast_corners);
+    define_batches!("avx2,fma,bmi1,bmi2,popcnt");
 }
 
 /// For scenes in [`crate::Mode::Watertight`].
@@ -30,6 +36,7 @@ pub(crate) mod watertight {
     use crate::watertight::{self, CERTAIN, Sheared};
 
     define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8, define_watertight_corners);
+    define_batches!("avx2,fma,bmi1,bmi2,popcnt");
 }
 
 /// Lanes with `a ≤ b`.
@@ -47,6 +54,14 @@ fn sorted_keys(keys: __m256i, mask: u32) -> __m256i {
     let set = _mm256_and_si256(_mm256_set1_epi32(mask.cast_signed()), bits);
     let selected = _mm256_cmpeq_epi32(set, bits);
     sort8(_mm256_blendv_epi8(_mm256_set1_epi32(i32::MAX), keys, selected))
+}
+
+/// The keys of the lanes with `enter ≤ leave`, sorted upwards; the largest integer in the others.
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
+#[inline]
+fn sorted_where(keys: __m256i, enter: __m256, leave: __m256) -> __m256i {
+    let others = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_NLE_UQ>(enter, leave));
+    sort8(_mm256_blendv_epi8(keys, _mm256_set1_epi32(i32::MAX), others))
 }
 
 /// The children of the lanes in `mask`, at the front.

@@ -1,6 +1,7 @@
 //! The kernel for AVX-512: 256-bit vectors, masks and compression.
 
 use super::{
+    batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
     simd::define_traversal,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
@@ -9,10 +10,14 @@ use super::{
     vectors::vectors256::*,
 };
 use crate::{
-    query::visitor::{Found, Visitor},
+    query::visitor::{Closest, First, Found, Visitor},
     scale::SceneScale,
     setup::{RaySetup, Slabs},
     wide::{Layout, WORDS},
+};
+use niwaki_core::{
+    Hit, Ray,
+    glam::{Vec3, Vec3A},
 };
 use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
@@ -22,6 +27,7 @@ pub(crate) mod fast {
     use super::*;
 
     define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8, define_fast_corners);
+    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
 }
 
 /// For scenes in [`crate::Mode::Watertight`].
@@ -34,6 +40,7 @@ pub(crate) mod watertight {
         8,
         define_watertight_corners
     );
+    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
 }
 
 /// Lanes with `a ≤ b`.
@@ -54,6 +61,14 @@ fn sorted_keys(keys: __m256i, mask: u32) -> __m256i {
     }
     // Nearly always half a register is enough, with half the layers of the network.
     _mm256_castsi128_si256(sort4(_mm256_castsi256_si128(keys)))
+}
+
+/// The keys of the lanes with `enter ≤ leave`, sorted upwards; the largest integer in the others.
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]
+#[inline]
+fn sorted_where(keys: __m256i, enter: __m256, leave: __m256) -> __m256i {
+    let hit = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(enter, leave);
+    sort8(_mm256_mask_mov_epi32(_mm256_set1_epi32(i32::MAX), hit, keys))
 }
 
 /// The children of the lanes in `mask`, at the front.

@@ -1,18 +1,23 @@
 //! The kernel for 16-wide trees: 512-bit vectors.
 
 use super::{
+    batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
     simd::define_traversal,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
-    sort::{sort4, sort8},
+    sort::{sort4, sort8, sort16},
     stack::{Heap, UNINIT, room},
     vectors::vectors512::*,
 };
 use crate::{
-    query::visitor::{Found, Visitor},
+    query::visitor::{Closest, First, Found, Visitor},
     scale::SceneScale,
     setup::{RaySetup, Slabs},
     wide::{Layout, WORDS},
+};
+use niwaki_core::{
+    Hit, Ray,
+    glam::{Vec3, Vec3A},
 };
 use niwaki_wide::Node16 as Node;
 use std::arch::x86_64::*;
@@ -22,6 +27,7 @@ pub(crate) mod fast {
     use super::*;
 
     define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 16, define_fast_corners);
+    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
 }
 
 /// For scenes in [`crate::Mode::Watertight`].
@@ -34,6 +40,7 @@ pub(crate) mod watertight {
         16,
         define_watertight_corners
     );
+    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
 }
 
 /// Lanes with `a ≤ b`.
@@ -71,6 +78,14 @@ fn sort_by_rank(keys: __m512i, count: u32) -> __m512i {
     }
     // SAFETY: sixteen words.
     unsafe { _mm512_loadu_si512(sorted.as_ptr().cast()) }
+}
+
+/// The keys of the lanes with `enter ≤ leave`, sorted upwards; the largest integer in the others.
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]
+#[inline]
+fn sorted_where(keys: __m512i, enter: __m512, leave: __m512) -> __m512i {
+    let hit = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(enter, leave);
+    sort16(_mm512_mask_mov_epi32(_mm512_set1_epi32(i32::MAX), hit, keys))
 }
 
 /// The children of the lanes in `mask`, at the front.

@@ -51,22 +51,39 @@ macro_rules! define_traversal {
             doubt: bool,
         }
 
+        /// A ray before it is in every lane: what [`Lanes`] are made of at the cost of a load each.
+        struct Prepared {
+            near: [usize; 3],
+            slabs: Slabs,
+            t_min: f32,
+            corners: PreparedCorners,
+        }
+
+        impl Prepared {
+            #[inline(always)]
+            fn new(setup: &RaySetup, scale: &SceneScale) -> Self {
+                let slabs = Corners::slabs(setup, scale);
+                let row = |axis: usize| {
+                    let inverse = slabs.inverse[axis];
+                    2 * ROW * axis + ROW * usize::from(inverse.is_sign_negative())
+                };
+                let near = [row(0), row(1), row(2)];
+                Self { near, slabs, t_min: setup.t_min, corners: Corners::prepare(setup) }
+            }
+        }
+
         impl Lanes {
             #[target_feature(enable = $features)]
             #[inline]
-            fn new(setup: &RaySetup, scale: &SceneScale) -> Self {
-                let slabs = Corners::slabs(setup, scale);
-                let row = |axis: usize, inverse: f32| {
-                    2 * ROW * axis + ROW * usize::from(inverse.is_sign_negative())
-                };
-                let (i, n, f) = (slabs.inverse, slabs.near_offset, slabs.far_offset);
+            fn new(ray: &Prepared) -> Self {
+                let all = |v: Vec3A| [splat(v.x), splat(v.y), splat(v.z)];
                 Self {
-                    near: [row(0, i.x), row(1, i.y), row(2, i.z)],
-                    inverse: [splat(i.x), splat(i.y), splat(i.z)],
-                    near_offset: [splat(n.x), splat(n.y), splat(n.z)],
-                    far_offset: [splat(f.x), splat(f.y), splat(f.z)],
-                    t_min: splat(setup.t_min),
-                    corners: Corners::new(setup),
+                    near: ray.near,
+                    inverse: all(ray.slabs.inverse),
+                    near_offset: all(ray.slabs.near_offset),
+                    far_offset: all(ray.slabs.far_offset),
+                    t_min: splat(ray.t_min),
+                    corners: Corners::new(&ray.corners),
                 }
             }
 
@@ -181,7 +198,7 @@ macro_rules! define_traversal {
             visitor: impl FnOnce() -> V,
         ) -> V::Answer {
             let mut visitor = visitor();
-            let ray = Lanes::new(setup, &scene.scale);
+            let ray = Lanes::new(&Prepared::new(setup, &scene.scale));
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
             let prim_ids = scene.prim_ids.as_ptr();
@@ -325,7 +342,7 @@ macro_rules! define_traversal {
             visitor: impl FnOnce() -> V,
         ) -> V::Answer {
             let mut visitor = visitor();
-            let ray = Lanes::new(setup, &scene.scale);
+            let ray = Lanes::new(&Prepared::new(setup, &scene.scale));
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
             let prim_ids = scene.prim_ids.as_ptr();

@@ -9,11 +9,22 @@ macro_rules! define_fast_corners {
             direction: [Floats; 3],
         }
 
+        /// What [`Corners`] are made of.
+        struct PreparedCorners {
+            origin: Vec3,
+            direction: Vec3,
+        }
+
         impl Corners {
+            #[inline(always)]
+            const fn prepare(setup: &RaySetup) -> PreparedCorners {
+                PreparedCorners { origin: setup.origin, direction: setup.direction }
+            }
+
             #[target_feature(enable = $features)]
             #[inline]
-            fn new(setup: &RaySetup) -> Self {
-                let (o, d) = (setup.origin, setup.direction);
+            fn new(ray: &PreparedCorners) -> Self {
+                let (o, d) = (ray.origin, ray.direction);
                 Self {
                     origin: [splat(o.x), splat(o.y), splat(o.z)],
                     direction: [splat(d.x), splat(d.y), splat(d.z)],

@@ -13,11 +13,18 @@ macro_rules! define_watertight_corners {
             along: Floats,
         }
 
+        /// What [`Corners`] are made of.
+        type PreparedCorners = Sheared;
+
         impl Corners {
+            #[inline(always)]
+            fn prepare(setup: &RaySetup) -> PreparedCorners {
+                Sheared::new(setup)
+            }
+
             #[target_feature(enable = $features)]
             #[inline]
-            fn new(setup: &RaySetup) -> Self {
-                let s = Sheared::new(setup);
+            fn new(s: &PreparedCorners) -> Self {
                 Self {
                     axes: s.axes,
                     origin: [splat(s.origin[0]), splat(s.origin[1]), splat(s.origin[2])],

@@ -4,11 +4,11 @@
 pub(crate) mod vectors128 {
     pub(crate) use std::arch::x86_64::{
         __m128 as Floats, __m128i as Ints, _mm_add_ps as add, _mm_and_ps as and,
-        _mm_and_si128 as and_ints, _mm_andnot_ps as and_not, _mm_castps_si128 as as_ints,
-        _mm_cvtss_f32 as first_lane, _mm_div_ps as div, _mm_fmadd_ps as mul_add,
-        _mm_fmsub_ps as mul_sub, _mm_fnmadd_ps as neg_mul_add, _mm_load_ps as load,
-        _mm_load_si128 as load_ints, _mm_loadu_ps as load_unaligned, _mm_max_ps as max,
-        _mm_min_ps as min, _mm_mul_ps as mul, _mm_or_si128 as or_ints,
+        _mm_and_si128 as and_ints, _mm_andnot_ps as and_not, _mm_andnot_si128 as and_not_ints,
+        _mm_castps_si128 as as_ints, _mm_cvtss_f32 as first_lane, _mm_div_ps as div,
+        _mm_fmadd_ps as mul_add, _mm_fmsub_ps as mul_sub, _mm_fnmadd_ps as neg_mul_add,
+        _mm_load_ps as load, _mm_load_si128 as load_ints, _mm_loadu_ps as load_unaligned,
+        _mm_max_ps as max, _mm_min_ps as min, _mm_mul_ps as mul, _mm_or_si128 as or_ints,
         _mm_permutevar_ps as permute_floats, _mm_set1_epi32 as splat_int, _mm_set1_ps as splat,
         _mm_setzero_ps as zero, _mm_storeu_ps as store_unaligned, _mm_storeu_si128 as store_ints,
         _mm_sub_epi32 as sub_ints, _mm_sub_ps as sub, _mm_xor_ps as xor,
@@ -43,7 +43,8 @@ pub(crate) mod vectors256 {
     use std::arch::x86_64::_mm256_setr_epi32;
     pub(crate) use std::arch::x86_64::{
         __m256 as Floats, __m256i as Ints, _mm256_add_ps as add, _mm256_and_ps as and,
-        _mm256_and_si256 as and_ints, _mm256_andnot_ps as and_not, _mm256_castps_si256 as as_ints,
+        _mm256_and_si256 as and_ints, _mm256_andnot_ps as and_not,
+        _mm256_andnot_si256 as and_not_ints, _mm256_castps_si256 as as_ints,
         _mm256_castsi256_si128 as low, _mm256_cvtss_f32 as first_lane, _mm256_div_ps as div,
         _mm256_fmadd_ps as mul_add, _mm256_fmsub_ps as mul_sub, _mm256_fnmadd_ps as neg_mul_add,
         _mm256_load_ps as load, _mm256_load_si256 as load_ints, _mm256_loadu_ps as load_unaligned,
@@ -67,7 +68,8 @@ pub(crate) mod vectors256 {
 pub(crate) mod vectors512 {
     pub(crate) use std::arch::x86_64::{
         __m512 as Floats, __m512i as Ints, _mm512_add_ps as add, _mm512_and_ps as and,
-        _mm512_and_si512 as and_ints, _mm512_andnot_ps as and_not, _mm512_castps_si512 as as_ints,
+        _mm512_and_si512 as and_ints, _mm512_andnot_ps as and_not,
+        _mm512_andnot_si512 as and_not_ints, _mm512_castps_si512 as as_ints,
         _mm512_castsi512_si128 as low, _mm512_cvtss_f32 as first_lane, _mm512_div_ps as div,
         _mm512_fmadd_ps as mul_add, _mm512_fmsub_ps as mul_sub, _mm512_fnmadd_ps as neg_mul_add,
         _mm512_load_ps as load, _mm512_load_si512 as load_ints, _mm512_loadu_ps as load_unaligned,
