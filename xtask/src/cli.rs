@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::bench::Shard;
+use crate::kernel::Collapse;
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
 use crate::trace::TraceArgs;
@@ -93,11 +94,23 @@ pub(crate) struct BenchArgs {
                           "bounce4", "all"])]
     pub(crate) rays: Vec<String>,
 
-    /// Our traversal kernels, comma-separated: scalar, avx2, avx512, which are watertight; each with
-    /// _fast behind it, which are not; or watertight and fast for the best of each that this
-    /// processor has [default: watertight]
+    /// Our traversal kernels, comma-separated: scalar, avx2, avx512, or watertight for the best that
+    /// this processor has [default: watertight]
+    ///
+    /// Behind the instructions may stand, in this order:
+    ///
+    /// - the children of a node: _4 (scalar_4, avx2_4) or _16 (scalar_16, avx512_16); 8 without;
+    ///
+    /// - _fast for the mode that is not watertight (avx512_fast, avx2_4_fast; fast for the best);
+    ///
+    /// - _batch for calls with 1024 rays each (avx512_batch, fast_batch); without it, rays are asked
+    ///   for one by one, as peers are.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) kernels: Vec<String>,
+
+    /// How binary trees become wide ones
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) collapse: Collapse,
 
     /// Measure Embree's robust mode besides its default one
     #[arg(long)]

@@ -71,6 +71,8 @@ pub(crate) struct OwnScene {
     pub(crate) scene: Box<dyn Intersector + Send>,
     /// From the mesh to there.
     pub(crate) time: Duration,
+    /// Bytes of its tree and triangles.
+    pub(crate) bytes: usize,
 }
 
 impl TreeBuilder {
@@ -141,12 +143,14 @@ impl TreeBuilder {
             Self::Ours(_) => Ok(None),
             Self::Obvhs(preset) => {
                 let scene = ObvhsScene::new(mesh, *preset, ObvhsKernel::CwBvh)?;
-                Ok(Some(OwnScene { time: scene.build_time(), scene: Box::new(scene) }))
+                let (time, bytes) = (scene.build_time(), scene.bytes());
+                Ok(Some(OwnScene { scene: Box::new(scene), time, bytes }))
             }
             Self::Embree(quality) => {
                 let embree = embree.context("Embree is not loaded")?;
                 let scene = EmbreeScene::new(embree, mesh, *quality, robust)?;
-                Ok(Some(OwnScene { time: scene.commit_time(), scene: Box::new(scene) }))
+                let (time, bytes) = (scene.commit_time(), scene.bytes());
+                Ok(Some(OwnScene { scene: Box::new(scene), time, bytes }))
             }
         }
     }

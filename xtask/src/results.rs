@@ -39,6 +39,9 @@ pub(crate) struct Run {
     pub(crate) revision: Option<String>,
     /// The numbers of threads of the matrix.
     pub(crate) threads: Vec<usize>,
+    /// How binary trees became wide ones: `optimal` or `greedy`; empty where files do not say.
+    #[serde(default)]
+    pub(crate) collapse: String,
     /// The arguments.
     pub(crate) arguments: Vec<String>,
     /// Which part of the matrix, as `K/N`.
@@ -215,6 +218,12 @@ pub(crate) struct TraceRow {
     pub(crate) builder: String,
     /// Ours by name, or `embree` or `obvhs` where the peer traced its own structure.
     pub(crate) kernel: String,
+    /// Children a node of the tree traced; absent for a peer's own structure.
+    #[serde(default)]
+    pub(crate) width: Option<usize>,
+    /// Rays of each call: 1 where rays were asked for one by one, more for a `_batch` kernel.
+    #[serde(default = "one")]
+    pub(crate) rays_per_call: usize,
     /// The ray set.
     pub(crate) rays: String,
     /// `closest` or `any`.
@@ -228,16 +237,23 @@ pub(crate) struct TraceRow {
     /// Timed passes.
     pub(crate) repeats: usize,
     /// Rows of a group with the same number were measured in turns. There is more than one where
-    /// not all structures fit into memory at once.
+    /// not all structures fit into memory at once. (Nothing to do with batches of rays.)
     pub(crate) batch: usize,
     /// Median over the passes, million rays per second.
     pub(crate) mrays_per_s: f64,
+    /// Bytes of what was traced, nodes and triangles, where it is known.
+    #[serde(default)]
+    pub(crate) bytes: Option<usize>,
     /// Rays of the whole set that hit.
     pub(crate) hits: usize,
     /// Child boxes tested per ray, where the kernel counts.
     pub(crate) boxes_per_ray: Option<f64>,
     /// Triangles tested per ray, where the kernel counts.
     pub(crate) triangles_per_ray: Option<f64>,
+}
+
+const fn one() -> usize {
+    1
 }
 
 /// `x` unless it is NaN or infinite, which JSON has no words for.

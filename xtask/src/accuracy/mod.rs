@@ -59,6 +59,7 @@ fn builders(args: &AccuracyArgs) -> Result<ExitCode> {
     let method = Method {
         builders,
         kernels: vec![crate::kernel::TraceKernel::best()],
+        collapse: crate::kernel::Collapse::Optimal,
         robust: false,
         binary: Vec::new(),
         seconds,

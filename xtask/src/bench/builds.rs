@@ -2,13 +2,13 @@
 
 use super::timing::{Effort, in_turns, median};
 use super::{Group, Method};
+use crate::kernel::{TraceKernel, WideTree};
 use crate::memory::peak_of;
 use crate::registry::TreeBuilder;
 use crate::results::{BuildRow, finite};
 use anyhow::{Error, Result};
 use niwaki_core::{Bvh, SahConstants};
 use niwaki_metrics::{TreeStats, epo_sampled, sah};
-use niwaki_trace::WideScene;
 use std::time::{Duration, Instant};
 
 /// The constants that reports use: those of the thesis's paper IV.
@@ -53,7 +53,7 @@ pub(crate) fn measure<'a>(method: &'a Method, group: &mut Group<'_>) -> Vec<Buil
     let effort = Effort::seconds(method.seconds);
     in_turns(builders.len(), effort, |i| {
         method.progress.message(&format!("{}: build {}", group.title(), builders[i].full_name()));
-        match time_once(&builders[i], group, !method.brief, &mut times[i]) {
+        match time_once(&builders[i], group, method, &mut times[i]) {
             Ok(time) => Some(time),
             Err(error) => {
                 times[i].error = Some(error);
@@ -103,21 +103,22 @@ pub(crate) fn measure<'a>(method: &'a Method, group: &mut Group<'_>) -> Vec<Buil
 fn time_once(
     builder: &TreeBuilder,
     group: &Group<'_>,
-    with_own: bool,
+    method: &Method,
     times: &mut Times,
 ) -> Result<Duration> {
     let mesh = &group.scene.mesh;
     let start = Instant::now();
     let tree = group.pool.install(|| builder.build(mesh, group.embree.as_ref()))?;
     let collapse = Instant::now();
-    let wide = group.pool.install(|| WideScene::new(&tree.bvh, mesh));
+    let kernel = TraceKernel::best();
+    let wide = group.pool.install(|| WideTree::new(kernel, method.collapse, &tree.bvh, mesh));
     let collapse = collapse.elapsed();
     drop(wide?);
     times.build.push(milliseconds(tree.time));
     times.wide.push(milliseconds(tree.time + collapse));
     // A peer whose own structure fails still has its tree to show; the failure is reported where
     // that structure should have traced.
-    if with_own
+    if !method.brief
         && let Ok(Some(own)) =
             group.pool.install(|| builder.own_scene(mesh, group.embree.as_ref(), false))
     {

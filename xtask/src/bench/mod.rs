@@ -11,7 +11,7 @@ pub(crate) mod traces;
 pub(crate) use matrix::Shard;
 
 use crate::cli::BenchArgs;
-use crate::kernel::TraceKernel;
+use crate::kernel::{Collapse, TraceKernel};
 use crate::registry::{self, TreeBuilder};
 use crate::results::{Failure, Results, Row, Run, SceneInfo, Source};
 use crate::scenes::{SceneSpec, drop_repeated, make_names_unique};
@@ -45,6 +45,8 @@ struct Setup {
 pub(crate) struct Method {
     pub(crate) builders: Vec<TreeBuilder>,
     pub(crate) kernels: Vec<TraceKernel>,
+    /// How binary trees become wide ones.
+    pub(crate) collapse: Collapse,
     /// Embree's robust mode is measured too.
     pub(crate) robust: bool,
     /// Builders whose binary trees are traced too, by the scalar reference kernel.
@@ -142,6 +144,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     let method = Method {
         builders,
         kernels,
+        collapse: args.collapse,
         robust: args.robust,
         binary: Vec::new(),
         seconds,
@@ -160,6 +163,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
         files: std::iter::once(args.out.join("results.json")).chain(args.json.clone()).collect(),
     };
     run.threads = threads;
+    run.collapse = args.collapse.name().to_owned();
     run.arguments = std::env::args().skip(2).collect();
     run.shard = args.shard.map(|shard| shard.to_string());
     run.seconds_per_measurement = seconds;

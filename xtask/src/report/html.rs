@@ -1,5 +1,6 @@
 //! The report as one HTML file that needs nothing else.
 
+use super::against;
 use super::break_even::lower_envelope;
 use super::model::{Group, groups};
 use super::page::{self, Csv, add_table, csv_link, figure};
@@ -25,7 +26,7 @@ pub(crate) fn page(results: &Results) -> Result<(String, Vec<Csv>)> {
         html.push_str(&page::run_header(run, name));
     }
     page::failures(&mut html, &results.failures);
-    contents(&mut html, results);
+    contents(&mut html, results, !against::tables(&groups).is_empty());
 
     html.push_str("<h2 id=\"summary\">Summary</h2>\n");
     html.push_str(
@@ -37,6 +38,7 @@ pub(crate) fn page(results: &Results) -> Result<(String, Vec<Csv>)> {
         let _ = writeln!(html, "<h3>{}</h3>", escape(&title));
         add_table(&mut html, &mut files, &table)?;
     }
+    add_against(&mut html, &mut files, &groups)?;
     html.push_str(HOW_TO_READ);
 
     let mut shown: Option<(&str, usize)> = None;
@@ -62,13 +64,44 @@ fn scene_id(name: &str, triangles: usize) -> String {
     format!("scene-{}-{triangles}", tables::slug(name))
 }
 
-fn contents(html: &mut String, results: &Results) {
-    html.push_str("<nav><a href=\"#summary\">Summary</a> <a href=\"#how\">How to read</a>");
+fn contents(html: &mut String, results: &Results, with_embree: bool) {
+    html.push_str("<nav><a href=\"#summary\">Summary</a>");
+    if with_embree {
+        html.push_str(" <a href=\"#embree\">Against Embree</a>");
+    }
+    html.push_str(" <a href=\"#how\">How to read</a>");
     for scene in &results.scenes {
         let id = scene_id(&scene.name, scene.triangles);
         let _ = write!(html, " <a href=\"#{id}\">{}</a>", escape(&scene.name));
     }
     html.push_str(" <a href=\"#rows\">All rows</a></nav>\n");
+}
+
+/// The section about Embree, where it was measured.
+fn add_against(html: &mut String, files: &mut Vec<Csv>, groups: &[Group<'_>]) -> Result<()> {
+    let tables = against::tables(groups);
+    if tables.is_empty() {
+        return Ok(());
+    }
+    html.push_str(
+        "<h2 id=\"embree\">Against Embree</h2>\n\
+         <p>Rays a second through the fastest of our measured trees by one of our kernels, over \
+         those of Embree's own kernel through the better of its measured qualities, for each \
+         scene; over 1 we are faster. Fast kernels meet Embree's default mode. Watertight ones \
+         meet its robust mode if that was measured (<code>--robust</code>), which is not \
+         watertight, and its default mode. Embree always answers one ray a call \
+         (<code>rtcIntersect1</code>, <code>rtcOccluded1</code>), and so do our kernels unless \
+         <code>_batch</code> is in their name: those get 1024 rays a call. <em>mean</em> is \
+         geometric.</p>\n",
+    );
+    for (title, table) in tables {
+        let _ = writeln!(html, "<h3>{}</h3>", escape(&title));
+        add_table(html, files, &table)?;
+    }
+    html.push_str("<details><summary>Which trees and speeds these are</summary>\n");
+    add_table(html, files, &against::details(groups))?;
+    html.push_str("</details>\n");
+    Ok(())
 }
 
 fn scene_header(html: &mut String, group: &Group<'_>, scene: Option<&SceneInfo>) -> Result<()> {

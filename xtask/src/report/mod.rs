@@ -1,5 +1,6 @@
 //! `cargo xtask report`: merges results and shows them as tables, CSV and one HTML file.
 
+mod against;
 pub(crate) mod axis;
 mod break_even;
 pub(crate) mod canvas;

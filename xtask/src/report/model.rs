@@ -132,10 +132,13 @@ impl<'a> Group<'a> {
         self.traces.iter().find(same).copied()
     }
 
-    /// Our kernel that plots and ratios use: the one that is fastest over all rows.
+    /// Our kernel that plots and ratios use: the one that is fastest over all rows, of those that
+    /// were asked for one ray at a time, as peers are. Of batches only where there is nothing else.
     pub(crate) fn our_kernel(&self) -> Option<&'a str> {
+        let ours = || self.traces.iter().filter(|row| !is_peers(&row.kernel));
+        let fewest = ours().map(|row| row.rays_per_call).min()?;
         let mut sums: Vec<(&str, f64, usize)> = Vec::new();
-        for row in self.traces.iter().filter(|row| !is_peers(&row.kernel)) {
+        for row in ours().filter(|row| row.rays_per_call == fewest) {
             match sums.iter_mut().find(|(kernel, ..)| *kernel == row.kernel) {
                 Some((_, sum, count)) => (*sum, *count) = (*sum + row.mrays_per_s, *count + 1),
                 None => sums.push((&row.kernel, row.mrays_per_s, 1)),

@@ -41,6 +41,7 @@ pub(crate) fn run_header(run: &Run, number: Option<usize>) -> String {
     add("instructions", &machine.isa.join(" "));
     let threads: Vec<_> = run.threads.iter().map(ToString::to_string).collect();
     add("threads", &threads.join(", "));
+    add("wide trees", &run.collapse);
     add("compiler", &format!("{}; {}", run.rustc, run.flags));
     let peers = if run.peers.is_empty() { "none".into() } else { run.peers.join(", ") };
     add("peers", &peers);

@@ -1,5 +1,6 @@
 //! The tables of a report.
 
+use super::against;
 use super::axis::short;
 use super::break_even::lower_envelope;
 use super::model::{Engine, Group, geometric_mean, groups, is_peers};
@@ -91,6 +92,10 @@ pub(crate) fn traces(group: &Group<'_>) -> Table {
         .column("source", Best::Neither)
         .column("tree", Best::Neither)
         .column("kernel", Best::Neither);
+    let has_batches = group.traces.iter().any(|row| row.rays_per_call > 1);
+    if has_batches {
+        table = table.column("rays\n/call", Best::Neither);
+    }
     let has_embree = group.traces.iter().any(|row| row.kernel == "embree");
     for rays in &sets {
         table = table.column(format!("{rays}\nMray/s"), Best::High).column_with_digits(
@@ -101,6 +106,10 @@ pub(crate) fn traces(group: &Group<'_>) -> Table {
         if has_embree {
             table = table.column_with_digits(format!("{rays}\n÷ Embree M"), Best::High, 3);
         }
+    }
+    let has_bytes = group.traces.iter().any(|row| row.bytes.is_some());
+    if has_bytes {
+        table = table.column_with_digits("bytes\n/tri", Best::Low, 1);
     }
     let has_counts = group.traces.iter().any(|row| row.boxes_per_ray.is_some());
     if has_counts {
@@ -113,6 +122,10 @@ pub(crate) fn traces(group: &Group<'_>) -> Table {
     for engine in group.engines() {
         let mut row: Vec<Cell> =
             vec![engine.source.name().into(), engine.builder.into(), engine.kernel.into()];
+        if has_batches {
+            let first = sets.iter().find_map(|rays| group.trace(engine, rays));
+            row.push(first.map(|row| row.rays_per_call).into());
+        }
         for rays in &sets {
             let rate = group.rate(engine, rays);
             row.push(rate.into());
@@ -120,6 +133,11 @@ pub(crate) fn traces(group: &Group<'_>) -> Table {
             if has_embree {
                 row.push(ratio(rate, group.rate(EMBREE, rays)).into());
             }
+        }
+        if has_bytes {
+            let first = sets.iter().find_map(|rays| group.trace(engine, rays));
+            let bytes = first.and_then(|row| row.bytes);
+            row.push(bytes.map(|bytes| bytes as f64 / group.triangles.max(1) as f64).into());
         }
         if has_counts {
             let mean = |count: fn(&crate::results::TraceRow) -> Option<f64>| {
@@ -356,11 +374,16 @@ pub(crate) fn groups_as_text(groups: &[Group<'_>]) -> String {
     text
 }
 
-/// The tables of means.
+/// The tables of means, and those against Embree.
 pub(crate) fn summary_as_text(results: &Results) -> String {
     let mut text = String::new();
-    for (title, table) in summaries(&groups(results)) {
+    let groups = groups(results);
+    for (title, table) in summaries(&groups) {
         add(&mut text, &format!("Geometric means: {title}"), &table);
+    }
+    for (title, table) in against::tables(&groups) {
+        let title = format!("Our best tree ÷ Embree's better of its qualities: {title}");
+        add(&mut text, &title, &table);
     }
     text
 }

@@ -1,6 +1,7 @@
 //! The arguments of `cargo xtask thesis`.
 
 use crate::cli::parse_count;
+use crate::kernel::Collapse;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -67,6 +68,10 @@ pub(crate) struct ThesisArgs {
     #[arg(long, value_name = "NUMBER", value_parser = parse_count)]
     pub(crate) ray_count: Option<usize>,
 
+    /// How binary trees become 8-wide ones
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) collapse: Collapse,
+
     /// Small stand-ins, fewer rays, short measurements (0.02 s instead of 0.5 s): enough to see
     /// that everything works, too little to judge
     #[arg(long)]
@@ -121,6 +126,7 @@ impl Default for ThesisArgs {
             triangles: None,
             threads: None,
             ray_count: None,
+            collapse: Collapse::default(),
             quick: false,
             seed: 1,
             out: PathBuf::from("out/thesis"),

@@ -79,11 +79,13 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
     let threads = args.threads.map_or_else(machine::cores, usize::from);
     run.threads = vec![threads];
     run.arguments = std::env::args().skip(2).collect();
+    run.collapse = args.collapse.name().to_owned();
     run.seconds_per_measurement = args.seconds();
     let method = Method {
         progress: Progress::new(plans.plans.len() * measure::steps(builders.len())),
         builders,
         kernels: vec![crate::kernel::TraceKernel::best()],
+        collapse: args.collapse,
         robust: false,
         binary: Vec::new(),
         seconds: args.seconds(),
