@@ -302,10 +302,10 @@ struct RobustSlabs {
 impl RobustSlabs {
     #[inline(always)]
     fn new(ray: &RaySetup, pads: [f32; 2]) -> Self {
-        let d = ray.direction;
+        let d = Vec3::from(ray.direction);
         Self {
             pads,
-            origin: ray.origin,
+            origin: ray.origin.into(),
             inverse: 1.0 / d,
             negative: [d.x.is_sign_negative(), d.y.is_sign_negative(), d.z.is_sign_negative()],
         }

@@ -1,13 +1,15 @@
 //! What a kernel needs of a ray, computed once.
 
 use crate::scale::SceneScale;
-use niwaki_core::{Hit, Ray, glam::Vec3, glam::Vec3A};
+use niwaki_core::{Hit, Ray, glam::Vec3A};
 
 /// A ray in the scaled coordinates of a scene, and its way back.
 #[derive(Clone, Copy, Debug)]
 pub struct RaySetup {
-    pub(crate) origin: Vec3,
-    pub(crate) direction: Vec3,
+    /// Vectors of four words, as kernels read them: words that were just written one by one cannot
+    /// be read as one vector without a wait.
+    pub(crate) origin: Vec3A,
+    pub(crate) direction: Vec3A,
     /// At least +0.0, so that the bits of distances sort like integers.
     pub(crate) t_min: f32,
     /// Finite.
@@ -27,8 +29,8 @@ impl RaySetup {
     /// empty range of `t`.
     #[inline(always)]
     pub(crate) fn new(ray: &Ray, scale: SceneScale) -> Option<Self> {
-        let length = ray.direction.abs();
-        let distance = ray.origin.abs();
+        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+        let (distance, length) = (origin.abs(), direction.abs());
         // f32::MAX as the last distance: a hit beyond could not be told from a miss.
         let t_max = if ray.t_max < f32::MAX { ray.t_max } else { f32::MAX };
         let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
@@ -40,10 +42,9 @@ impl RaySetup {
             && length.max_element() >= 1e-9
             && ray.t_min <= ray.t_max
             && t_min <= t_max;
-        // Taken apart, so that the fields can be in registers: the answer of a call is in memory,
-        // where vectors that were just written word by word cannot be read without a wait.
+        // Taken apart, so that the fields can be in registers: the answer of a call is in memory.
         let (origin, direction, t_min, t_max, t_factor) = if moderate {
-            (ray.origin, ray.direction, t_min, t_max, 1.0)
+            (origin, direction, t_min, t_max, 1.0)
         } else {
             let s = Self::rescaled(ray, scale, t_min, t_max)?;
             (s.origin, s.direction, s.t_min, s.t_max, s.t_factor)
@@ -55,7 +56,7 @@ impl RaySetup {
     #[cold]
     fn rescaled(ray: &Ray, scale: SceneScale, t_min: f32, t_max: f32) -> Option<Self> {
         let longest = ray.direction.abs().max_element();
-        let origin = ray.origin * scale.factor;
+        let origin = Vec3A::from(ray.origin) * scale.factor;
         let usable = origin.is_finite()
             && ray.direction.is_finite()
             && longest > 0.0
@@ -67,7 +68,7 @@ impl RaySetup {
         // Denormals are normal in f64, whose range holds every product below.
         let exponent = (f64::from(longest).to_bits() >> 52).cast_signed() - 1023;
         let factor = power_of_two(-exponent);
-        let direction = (ray.direction.as_dvec3() * factor).as_vec3();
+        let direction = (ray.direction.as_dvec3() * factor).as_vec3a();
         // origin·s + t'·(direction·k) = s·(origin + t·direction) with t' = t·s/k.
         let t_factor = f64::from(scale.factor) / factor;
         let t_min = to_f32(f64::from(t_min) * t_factor);
@@ -135,7 +136,7 @@ impl Slabs {
     #[inline(always)]
     pub(crate) fn new(ray: &RaySetup, magnitude: f32) -> Self {
         // Twice the bound above, which also covers forming the offsets themselves.
-        let pad = (Vec3A::from(ray.origin).abs() + magnitude) * (4.0 * f32::EPSILON);
+        let pad = (ray.origin.abs() + magnitude) * (4.0 * f32::EPSILON);
         Self::padded(ray, pad, pad)
     }
 
@@ -146,7 +147,7 @@ impl Slabs {
         // A component 2⁻⁶⁰ of the longest moves the ray by less than the pad over the whole
         // scene; taking it for smaller ones keeps the reciprocal finite. The sign bit stays, so
         // that −0.0 enters at the upper plane.
-        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+        let (origin, direction) = (ray.origin, ray.direction);
         let length = direction.abs();
         let least = length.max_element() * f32::from_bits((127 - 60) << 23);
         let inverse = length.max(Vec3A::splat(least)).recip().copysign(direction);

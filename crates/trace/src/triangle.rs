@@ -45,7 +45,7 @@ pub(crate) struct Fast {
 impl TriangleTest for Fast {
     #[inline(always)]
     fn new(ray: &RaySetup) -> Self {
-        Self { origin: ray.origin, direction: ray.direction }
+        Self { origin: ray.origin.into(), direction: ray.direction.into() }
     }
 
     #[inline(always)]

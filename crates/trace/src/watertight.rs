@@ -181,7 +181,7 @@ pub(crate) fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
     const NEAR: f32 = 9.0 * f32::EPSILON; // 18u
     const FAR: f32 = 3.0 * f32::EPSILON; // 6u
     let reach = reach(ray, scale);
-    let own = (Vec3A::from(ray.origin).abs() + scale.magnitude) * OWN;
+    let own = (ray.origin.abs() + scale.magnitude) * OWN;
     Slabs::padded(ray, own + reach * NEAR, own + reach * FAR)
 }
 
@@ -195,7 +195,7 @@ pub(crate) fn pads(ray: &RaySetup, scale: &SceneScale) -> [f32; 2] {
 /// The largest difference between a coordinate of the scene and the origin's.
 #[inline(always)]
 fn reach(ray: &RaySetup, scale: &SceneScale) -> f32 {
-    let origin = Vec3A::from(ray.origin);
+    let origin = ray.origin;
     let (min, max) = (Vec3A::from(scale.bounds.min), Vec3A::from(scale.bounds.max));
     (max - origin).abs().max((min - origin).abs()).max_element()
 }

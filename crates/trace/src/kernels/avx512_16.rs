@@ -15,10 +15,7 @@ use crate::{
     setup::{RaySetup, Slabs},
     wide::{Layout, WORDS},
 };
-use niwaki_core::{
-    Hit, Ray,
-    glam::{Vec3, Vec3A},
-};
+use niwaki_core::{Hit, Ray, glam::Vec3A};
 use niwaki_wide::Node16 as Node;
 use std::arch::x86_64::*;
 

@@ -11,13 +11,13 @@ macro_rules! define_fast_corners {
 
         /// What [`Corners`] are made of.
         struct PreparedCorners {
-            origin: Vec3,
-            direction: Vec3,
+            origin: Vec3A,
+            direction: Vec3A,
         }
 
         impl Corners {
             #[inline(always)]
-            const fn prepare(setup: &RaySetup) -> PreparedCorners {
+            fn prepare(setup: &RaySetup) -> PreparedCorners {
                 PreparedCorners { origin: setup.origin, direction: setup.direction }
             }
 
