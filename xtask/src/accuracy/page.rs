@@ -75,13 +75,13 @@ fn dot(point: &Point, x: f64, on_front: bool) -> Dot<'_> {
 fn scatter(points: &[&Point]) -> Result<String> {
     let dots: Vec<_> = points.iter().map(|p| dot(p, p.once_ms, p.on_front)).collect();
     let axes = ("mesh to traversable tree, ms", "time per ray, ns");
-    plot(&dots, &Look { axes, zero: None, all_labels: false }, "Build time against time per ray")
+    plot(&dots, &Look { axes, least: None, all_labels: false }, "Build time against time per ray")
 }
 
 fn metric_plot(points: &[&Point], name: &str, value: Metric) -> Result<String> {
     let dots: Vec<_> =
         points.iter().filter_map(|p| Some(dot(p, value(p).filter(|x| *x > 0.0)?, false))).collect();
-    let look = Look { axes: (name, "time per ray, ns"), zero: None, all_labels: false };
+    let look = Look { axes: (name, "time per ray, ns"), least: None, all_labels: false };
     plot(&dots, &look, &format!("{name} against time per ray"))
 }
 

@@ -38,8 +38,8 @@ pub(super) struct Dot<'a> {
 pub(super) struct Look<'a> {
     /// What x and y are.
     pub(super) axes: (&'a str, &'a str),
-    /// Where 0 and all below this stand on the axis of x, as a logarithm has no 0.
-    pub(super) zero: Option<f64>,
+    /// Where all below this stands on the axis of x, and under which name, as a logarithm has no 0.
+    pub(super) least: Option<(f64, &'static str)>,
     /// Points beside the front have labels too.
     pub(super) all_labels: bool,
 }
@@ -86,10 +86,10 @@ pub(super) const LEGEND: u32 = 134;
 /// front.
 pub(super) fn plot(dots: &[Dot<'_>], look: &Look<'_>, description: &str) -> Result<String> {
     let families = families(dots);
-    let zero = look.zero.unwrap_or(0.0);
-    let dots: Vec<Dot<'_>> = dots.iter().map(|dot| Dot { x: dot.x.max(zero), ..*dot }).collect();
+    let least = look.least.map_or(0.0, |(least, _)| least);
+    let dots: Vec<Dot<'_>> = dots.iter().map(|dot| Dot { x: dot.x.max(least), ..*dot }).collect();
     draw(description, |area| {
-        let x = LogAxis::around(dots.iter().map(|dot| dot.x), 0.05).with_zero(look.zero);
+        let x = LogAxis::around(dots.iter().map(|dot| dot.x), 0.05).with_least(look.least);
         let y = LogAxis::around(dots.iter().map(|dot| dot.y), 0.05);
         let mut chart = chart(area, (x, y), look.axes, LEGEND)?;
         for (i, family) in families.iter().enumerate() {

@@ -9,8 +9,8 @@ use std::ops::Range;
 #[derive(Clone, Debug)]
 pub(crate) struct LogAxis {
     range: Range<f64>,
-    /// Numbers up to this are shown as 0, which has no place of its own.
-    zero: Option<f64>,
+    /// Numbers up to this one are shown by this name: 0 has no place of its own.
+    least: Option<(f64, &'static str)>,
 }
 
 impl LogAxis {
@@ -31,12 +31,12 @@ impl LogAxis {
 
     /// The axis over exactly this range.
     pub(crate) const fn exactly(range: Range<f64>) -> Self {
-        Self { range, zero: None }
+        Self { range, least: None }
     }
 
-    /// The same axis, on which numbers up to this one stand for 0.
-    pub(crate) const fn with_zero(self, zero: Option<f64>) -> Self {
-        Self { range: self.range, zero }
+    /// The same axis, on which all up to this number is shown by this name.
+    pub(crate) fn with_least(self, least: Option<(f64, &'static str)>) -> Self {
+        Self { least, ..self }
     }
 
     /// Ticks at these multiples of every `step`-th power of ten, unless there are too many.
@@ -96,9 +96,11 @@ impl Ranged for LogAxis {
 
 impl ValueFormatter<f64> for LogAxis {
     fn format_ext(&self, value: &f64) -> String {
-        // Rounding moves ticks by little.
-        let is_zero = self.zero.is_some_and(|zero| *value <= zero * (1.0 + 1e-9));
-        if is_zero { "0".into() } else { short(*value) }
+        match self.least {
+            // Rounding moves ticks by little.
+            Some((least, name)) if *value <= least * (1.0 + 1e-9) => name.into(),
+            _ => short(*value),
+        }
     }
 }
 
@@ -152,7 +154,7 @@ mod tests {
 
     #[test]
     fn zero_may_have_a_place() {
-        let axis = LogAxis::around([0.1, 1e3].into_iter(), 0.05).with_zero(Some(0.1));
+        let axis = LogAxis::around([0.1, 1e3].into_iter(), 0.05).with_least(Some((0.1, "0")));
         assert_eq!((axis.format_ext(&0.1), axis.format_ext(&1.0)), ("0".into(), "1".into()));
         assert_eq!(LogAxis::exactly(0.1..1.0).format_ext(&0.1), "0.1");
     }
