@@ -49,6 +49,8 @@ step "accuracy, small"
 # Two scenes of different size, so that a cost model is fitted too.
 cargo xtask accuracy --quick --scene atrium:2000 --scene hair:8000 --families lbvh,sweep,preset --out out/ci-accuracy
 test -s out/ci-accuracy/cost-model.csv
+# Fails if a watertight kernel leaks.
+cargo xtask accuracy --suite kernels --quick --scene atrium:2000 --out out/ci-accuracy-kernels
 
 step "tables of the thesis, small"
 cargo xtask thesis --quick --out out/ci-thesis

@@ -22,7 +22,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Compare builders: how fast they build, how good their trees are, how fast rays go.
     Bench(Box<BenchArgs>),
-    /// Show what quality costs in time: the main knobs of every builder swept.
+    /// Show what quality costs in time: the main knobs of every builder swept, or every kernel.
     Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
@@ -188,7 +188,12 @@ Examples:
       The presets alone on all scenes below a folder: fits the cost model by which
       Preset::for_rays chooses, and shows the fit.
 
-Output (in --out): accuracy.json, accuracy.html and csv/*.csv. A point is a tree: build time up to
+  cargo xtask accuracy --suite kernels
+      Kernels instead of builders: every width, fast, watertight, scalar, f64, Embree and obvhs, one
+      ray a call on one thread. Leaks of a million rays at corners and edges of closed surfaces,
+      errors of distances against exact arithmetic, and the time of each kind of ray.
+
+Output (in --out): accuracy.json, accuracy.html and csv/*.csv. In the suite of builders a point is a tree: build time up to
 the traversable 8-wide tree against time per ray of an equal mix of the ray sets, SAH, end-point
 overlap (EPO) and leaf count variability (LCV). Points that no other beats in both times are on the
 Pareto front. Correlations are of logarithms, between a metric and the time per ray, over all trees
@@ -199,6 +204,8 @@ of a scene.";
 pub(crate) enum Suite {
     /// Builders and their knobs: build time against trace time, SAH, EPO and LCV.
     Builders,
+    /// Our kernels and the peers': time against leaks and against errors of distances.
+    Kernels,
 }
 
 /// Arguments of `cargo xtask accuracy`.
@@ -218,11 +225,11 @@ pub(crate) struct AccuracyArgs {
     #[arg(long = "scenes", value_name = "DIR")]
     pub(crate) folders: Vec<PathBuf>,
 
-    /// Families of builders, comma-separated [default: all]
+    /// Families of builders, comma-separated [default: all]; not for the suite of kernels
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) families: Vec<String>,
 
-    /// Number of threads [default: all that this process may use]
+    /// Number of threads [default: all that this process may use, for kernels 1]
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
 

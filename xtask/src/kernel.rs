@@ -37,6 +37,20 @@ impl TraceKernel {
         Mode::ALL.into_iter().flat_map(of).collect()
     }
 
+    /// The fastest of each width in each mode, one ray at a time.
+    pub(crate) fn best_of_each_width() -> Vec<Self> {
+        let mut best: Vec<Self> = Vec::new();
+        // Slower ones come first.
+        for kernel in Self::all().filter(|kernel| kernel.kernel.is_available()) {
+            let same = |k: &&mut Self| (k.mode, k.width) == (kernel.mode, kernel.width);
+            match best.iter_mut().find(same) {
+                Some(known) => *known = kernel,
+                None => best.push(kernel),
+            }
+        }
+        best
+    }
+
     /// The fastest over 8-wide trees in a mode.
     pub(crate) fn best_in(mode: Mode) -> Self {
         let fastest = WideScene::<8>::kernels().pop();

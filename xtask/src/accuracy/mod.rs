@@ -1,7 +1,9 @@
 //! `cargo xtask accuracy`: what quality costs in time.
 
 mod analysis;
+mod kernels;
 mod page;
+mod scatter;
 mod variants;
 
 use crate::bench::builds::{self, CONSTANTS};
@@ -28,6 +30,7 @@ const LCV_RAYS: usize = 20_000;
 pub(crate) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
     match args.suite {
         Suite::Builders => builders(args),
+        Suite::Kernels => kernels::run(args),
     }
 }
 
@@ -113,7 +116,7 @@ fn measure(
         anyhow::Ok(rays::record(scene, &wide, &RAY_SETS.map(str::to_owned), count, args.seed))
     })?;
     let mut judged = Vec::new();
-    let mut group = Group::new(method, scene, threads, &mut judged, failures)?;
+    let mut group = Group::new(method, (&scene.name, &scene.mesh), threads, &mut judged, failures)?;
     let built = builds::measure(method, &mut group);
     let sample: Vec<_> = sets
         .iter()

@@ -1,31 +1,17 @@
 //! The report: plots of all points, and the tables.
 
 use super::analysis::{MODEL_TABLE, Point, Study};
+use super::scatter::{COLOURS, Dot, LEGEND, Look, legend, marker, plot};
 use crate::report::axis::LogAxis;
-use crate::report::canvas::{Area, FAINT, INK, SIZE, chart, draw, failed, text};
+use crate::report::canvas::{chart, draw, failed};
 use crate::report::page::{FOOT, add_table, failures, figure, head, run_header};
 use crate::report::table::{Best, Table, escape};
-use crate::report::{Frame, place_labels, ray_counts, write_page};
+use crate::report::{ray_counts, write_page};
 use anyhow::Result;
 use niwaki_presets::{CostModel, Preset};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-
-/// Colours of families, in the order in which they first appear; they repeat with another marker.
-const COLOURS: [RGBColor; 10] = [
-    RGBColor(62, 122, 230),
-    RGBColor(214, 125, 20),
-    RGBColor(20, 150, 100),
-    RGBColor(196, 68, 60),
-    RGBColor(160, 84, 200),
-    RGBColor(150, 110, 80),
-    RGBColor(210, 90, 160),
-    RGBColor(110, 140, 60),
-    RGBColor(16, 158, 178),
-    RGBColor(120, 128, 138),
-];
 
 /// Writes `accuracy.html` and `csv/*.csv` into a folder; returns the path of the former.
 pub(crate) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
@@ -82,105 +68,21 @@ type Metric = fn(&Point) -> Option<f64>;
 
 const METRICS: [(&str, Metric); 3] = [("SAH", |p| p.sah), ("EPO", |p| p.epo), ("LCV", |p| p.lcv)];
 
-fn families<'a>(points: &[&'a Point]) -> Vec<&'a str> {
-    let mut names: Vec<&str> = Vec::new();
-    for point in points {
-        if !names.contains(&point.family.as_str()) {
-            names.push(&point.family);
-        }
-    }
-    names
-}
-
-/// A marker whose shape and colour tell the family.
-fn marker(area: &Area<'_>, at: (i32, i32), family: usize, size: i32) -> Result<()> {
-    let colour = COLOURS[family % COLOURS.len()];
-    match family / COLOURS.len() {
-        0 => area.draw(&Circle::new(at, size, colour.filled())),
-        1 => area.draw(&TriangleMarker::new(at, size + 2, colour.filled())),
-        _ => area.draw(&Cross::new(at, size, colour.stroke_width(2))),
-    }
-    .map_err(failed)
-}
-
-/// The names of families with their markers, in columns at the right.
-fn legend(area: &Area<'_>, families: &[&str]) -> Result<()> {
-    #[expect(clippy::cast_possible_wrap, reason = "pixels")]
-    let x = SIZE.0 as i32 - LEGEND as i32 + 14;
-    for (i, family) in families.iter().enumerate() {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "few")]
-        let y = 18 + 18 * i as i32;
-        marker(area, (x, y), i, 4)?;
-        let style = text(12.0, INK);
-        area.draw(&Text::new((*family).to_owned(), (x + 10, y - 7), style)).map_err(failed)?;
-    }
-    Ok(())
-}
-
-/// Width that the legend takes.
-const LEGEND: u32 = 134;
-
-/// A plot of points by two quantities, with a line through those of each family.
-fn plot(
-    points: &[(&Point, f64, f64)],
-    labels: (&str, &str),
-    description: &str,
-    with_front: bool,
-) -> Result<String> {
-    let all: Vec<&Point> = points.iter().map(|(p, ..)| *p).collect();
-    let families = families(&all);
-    draw(description, |area| {
-        let x = LogAxis::around(points.iter().map(|p| p.1), 0.05);
-        let y = LogAxis::around(points.iter().map(|p| p.2), 0.05);
-        let mut chart = chart(area, (x, y), labels, LEGEND)?;
-        for (i, family) in families.iter().enumerate() {
-            let colour = COLOURS[i % COLOURS.len()].mix(0.5);
-            let line = points.iter().filter(|(p, ..)| p.family == *family).map(|p| (p.1, p.2));
-            chart.draw_series(LineSeries::new(line, colour)).map_err(failed)?;
-        }
-        if with_front {
-            let mut front: Vec<(f64, f64)> =
-                points.iter().filter(|(p, ..)| p.on_front).map(|p| (p.1, p.2)).collect();
-            front.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let line = DashedLineSeries::new(front, 4, 4, FAINT.stroke_width(1));
-            chart.draw_series(line).map_err(failed)?;
-        }
-        let mut ringed = Vec::new();
-        for (point, x, y) in points {
-            let at = chart.backend_coord(&(*x, *y));
-            let family = families.iter().position(|f| *f == point.family).unwrap_or_default();
-            marker(area, at, family, 3)?;
-            if with_front && point.on_front {
-                area.draw(&Circle::new(at, 6, INK.stroke_width(1))).map_err(failed)?;
-                ringed.push(((f64::from(at.0), f64::from(at.1)), point.label.clone()));
-            }
-        }
-        let (ringed, names): (Vec<_>, Vec<_>) = ringed.into_iter().unzip();
-        let page =
-            Frame { x: (72.0, f64::from(SIZE.0 - LEGEND)), y: (6.0, f64::from(SIZE.1) - 56.0) };
-        for ((x, y), name) in place_labels(&ringed, &names, 11.0, page).into_iter().zip(names) {
-            let style = text(11.0, INK).pos(Pos::new(HPos::Center, VPos::Center));
-            #[expect(clippy::cast_possible_truncation, reason = "pixels")]
-            let at = (x as i32, y as i32);
-            area.draw(&Text::new(name, at, style)).map_err(failed)?;
-        }
-        legend(area, &families)
-    })
+fn dot(point: &Point, x: f64, on_front: bool) -> Dot<'_> {
+    Dot { family: &point.family, label: &point.label, x, y: point.ray_ns, on_front }
 }
 
 fn scatter(points: &[&Point]) -> Result<String> {
-    let points: Vec<_> = points.iter().map(|p| (*p, p.once_ms, p.ray_ns)).collect();
-    let labels = ("mesh to traversable tree, ms", "time per ray, ns");
-    plot(&points, labels, "Build time against time per ray", true)
+    let dots: Vec<_> = points.iter().map(|p| dot(p, p.once_ms, p.on_front)).collect();
+    let axes = ("mesh to traversable tree, ms", "time per ray, ns");
+    plot(&dots, &Look { axes, least: None, all_labels: false }, "Build time against time per ray")
 }
 
 fn metric_plot(points: &[&Point], name: &str, value: Metric) -> Result<String> {
-    let points: Vec<_> = points
-        .iter()
-        .filter_map(|p| Some((*p, value(p).filter(|x| *x > 0.0)?, p.ray_ns)))
-        .collect();
-    let description = format!("{name} against time per ray");
-    plot(&points, (name, "time per ray, ns"), &description, false)
+    let dots: Vec<_> =
+        points.iter().filter_map(|p| Some(dot(p, value(p).filter(|x| *x > 0.0)?, false))).collect();
+    let look = Look { axes: (name, "time per ray, ns"), least: None, all_labels: false };
+    plot(&dots, &look, &format!("{name} against time per ray"))
 }
 
 /// Build times a triangle by preset: measured and fitted.

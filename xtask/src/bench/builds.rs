@@ -74,8 +74,8 @@ pub(crate) fn measure<'a>(method: &'a Method, group: &mut Group<'_>) -> Vec<Buil
         let optional = |times: &[f64]| finite(median(times));
         let row = BuildRow {
             run: 0,
-            scene: group.scene.name.clone(),
-            triangles: group.scene.mesh.len(),
+            scene: group.name.to_owned(),
+            triangles: group.mesh.len(),
             source: builder.source(),
             builder: builder.name().to_owned(),
             threads: group.threads,
@@ -106,7 +106,7 @@ fn time_once(
     method: &Method,
     times: &mut Times,
 ) -> Result<Duration> {
-    let mesh = &group.scene.mesh;
+    let mesh = group.mesh;
     let start = Instant::now();
     let tree = group.pool.install(|| builder.build(mesh, group.embree.as_ref()))?;
     let collapse = Instant::now();
@@ -131,7 +131,7 @@ fn time_once(
 /// Judges a tree, once for all numbers of threads: our trees are the same for each. (Embree's
 /// may differ slightly.)
 fn judge(method: &Method, group: &mut Group<'_>, builder: &TreeBuilder, bvh: &Bvh) -> Judgement {
-    let mesh = &group.scene.mesh;
+    let mesh = group.mesh;
     let pool = group.all_cores;
     let known = |name: &str| matches!(builder, TreeBuilder::Ours(_)) && name == builder.name();
     if let Some((_, judgement)) = group.judged.iter().find(|(name, _)| known(name)) {
@@ -155,6 +155,6 @@ fn judge(method: &Method, group: &mut Group<'_>, builder: &TreeBuilder, bvh: &Bv
 /// The peak memory of one more build, untimed. Peers allocate elsewhere or convert on the way.
 fn peak_bytes(group: &Group<'_>, builder: &TreeBuilder) -> Option<usize> {
     let TreeBuilder::Ours(ours) = builder else { return None };
-    let (tree, peak) = peak_of(|| group.pool.install(|| ours.build_mesh(&group.scene.mesh)));
+    let (tree, peak) = peak_of(|| group.pool.install(|| ours.build_mesh(group.mesh)));
     tree.ok().map(|_| peak)
 }

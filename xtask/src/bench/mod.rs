@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: scenes × builders × threads × ray sets.
 
 pub(crate) mod builds;
+pub(crate) mod engines;
 mod matrix;
 mod pictures;
 pub(crate) mod progress;
@@ -19,7 +20,7 @@ use crate::{machine, report};
 use anyhow::{Context, Error, Result, bail};
 use builds::Judgement;
 use matrix::{ScenePlan, plan};
-use niwaki_core::Builder;
+use niwaki_core::{Builder, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeSettings};
 use niwaki_scene::Scene;
 use niwaki_trace::WideScene;
@@ -62,7 +63,8 @@ pub(crate) struct Method {
 
 /// A scene at a number of threads.
 pub(crate) struct Group<'a> {
-    scene: &'a Scene,
+    pub(crate) name: &'a str,
+    pub(crate) mesh: &'a TriangleMesh,
     threads: usize,
     pool: ThreadPool,
     all_cores: &'a ThreadPool,
@@ -84,7 +86,7 @@ impl<'a> Group<'a> {
     /// Starts the threads, and Embree's if one of its builders takes part.
     pub(crate) fn new(
         method: &'a Method,
-        scene: &'a Scene,
+        (name, mesh): (&'a str, &'a TriangleMesh),
         threads: usize,
         judged: &'a mut Vec<(String, Judgement)>,
         failures: &'a mut Failures,
@@ -96,17 +98,18 @@ impl<'a> Group<'a> {
             None
         };
         let all_cores = &method.all_cores;
-        Ok(Self { scene, threads, pool: pool(threads)?, all_cores, embree, judged, failures })
+        let pool = pool(threads)?;
+        Ok(Self { name, mesh, threads, pool, all_cores, embree, judged, failures })
     }
 
     fn title(&self) -> String {
-        format!("{}, {} threads", self.scene.name, self.threads)
+        format!("{}, {} threads", self.name, self.threads)
     }
 
     fn fail(&mut self, builder: &TreeBuilder, error: &Error) {
         self.failures.fatal |= builder.source() == Source::Niwaki;
         self.failures.list.push(Failure {
-            scene: self.scene.name.clone(),
+            scene: self.name.to_owned(),
             error: format!("{} at {} threads: {error:#}", builder.full_name(), self.threads),
         });
     }
@@ -137,7 +140,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     let kernels = TraceKernel::select(&args.kernels)?;
     let engines = builders
         .iter()
-        .map(|b| kernels.len() + traces::own_structures(b.source(), args.robust))
+        .map(|b| kernels.len() + engines::own_structures(b.source(), args.robust))
         .sum::<usize>();
     let steps = plans.len() + groups * (builders.len() + engines * ray_sets.len());
     let seconds = if args.quick { 0.1 } else { 0.5 };
@@ -360,7 +363,8 @@ fn measure_group(
     judged: &mut Vec<(String, Judgement)>,
     failures: &mut Failures,
 ) -> Result<Vec<Row>> {
-    let mut group = Group::new(&setup.method, scene, threads, judged, failures)?;
+    let mut group =
+        Group::new(&setup.method, (&scene.name, &scene.mesh), threads, judged, failures)?;
     let built = builds::measure(&setup.method, &mut group);
     let builds = built.iter().map(|built| Row::Build(built.row.clone()));
     let mut rows: Vec<Row> = builds.collect();

@@ -71,7 +71,7 @@ pub(crate) fn record(
 }
 
 /// At most `most` of the rays, spread evenly, in order.
-fn thinned(rays: &[Ray], most: usize) -> impl Iterator<Item = Ray> + '_ {
+pub(crate) fn thinned(rays: &[Ray], most: usize) -> impl Iterator<Item = Ray> + '_ {
     let kept = rays.len().min(most);
     (0..kept).map(move |i| rays[i * rays.len() / kept])
 }

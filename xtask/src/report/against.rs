@@ -2,7 +2,7 @@
 
 use super::model::{Group, geometric_mean, is_peers};
 use super::table::{Best, Cell, Table};
-use crate::bench::traces::ROBUST;
+use crate::bench::engines::ROBUST;
 use crate::results::{Source, TraceRow};
 
 /// The fastest of our trees under one of our kernels, and Embree's better quality in one mode, on

@@ -9,6 +9,8 @@ use std::ops::Range;
 #[derive(Clone, Debug)]
 pub(crate) struct LogAxis {
     range: Range<f64>,
+    /// Numbers up to this one are shown by this name: 0 has no place of its own.
+    least: Option<(f64, &'static str)>,
 }
 
 impl LogAxis {
@@ -17,19 +19,24 @@ impl LogAxis {
         let (low, high) =
             numbers.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
         if low > high {
-            return Self { range: 0.1..10.0 };
+            return Self::exactly(0.1..10.0);
         }
         // Less than a factor of two would stretch noise over the whole plot.
         let (low, high) = (low.ln(), high.ln());
         let missing = (std::f64::consts::LN_2 - (high - low)).max(0.0) / 2.0;
         let (low, high) = (low - missing, high + missing);
         let margin = margin * (high - low);
-        Self { range: (low - margin).exp()..(high + margin).exp() }
+        Self::exactly((low - margin).exp()..(high + margin).exp())
     }
 
     /// The axis over exactly this range.
     pub(crate) const fn exactly(range: Range<f64>) -> Self {
-        Self { range }
+        Self { range, least: None }
+    }
+
+    /// The same axis, on which all up to this number is shown by this name.
+    pub(crate) fn with_least(self, least: Option<(f64, &'static str)>) -> Self {
+        Self { least, ..self }
     }
 
     /// Ticks at these multiples of every `step`-th power of ten, unless there are too many.
@@ -89,7 +96,11 @@ impl Ranged for LogAxis {
 
 impl ValueFormatter<f64> for LogAxis {
     fn format_ext(&self, value: &f64) -> String {
-        short(*value)
+        match self.least {
+            // Rounding moves ticks by little.
+            Some((least, name)) if *value <= least * (1.0 + 1e-9) => name.into(),
+            _ => short(*value),
+        }
     }
 }
 
@@ -109,6 +120,7 @@ pub(crate) fn short(number: f64) -> String {
     // The limits lie where rounding to three digits would show 1000 of the smaller unit.
     match number.abs() {
         0.0 => "0".into(),
+        x if x < 0.999_5e-3 => format!("{number:.1e}").replace(".0e", "e"),
         x if x < 999.5 => trimmed(number),
         x if x < 999.5e3 => trimmed(number / 1e3) + "k",
         x if x < 999.5e6 => trimmed(number / 1e6) + "M",
@@ -141,10 +153,19 @@ mod tests {
     }
 
     #[test]
+    fn zero_may_have_a_place() {
+        let axis = LogAxis::around([0.1, 1e3].into_iter(), 0.05).with_least(Some((0.1, "0")));
+        assert_eq!((axis.format_ext(&0.1), axis.format_ext(&1.0)), ("0".into(), "1".into()));
+        assert_eq!(LogAxis::exactly(0.1..1.0).format_ext(&0.1), "0.1");
+    }
+
+    #[test]
     fn numbers_are_short() {
         for (number, text) in [
             (0.0, "0"),
             (0.05, "0.05"),
+            (6e-8, "6e-8"),
+            (1.5e-7, "1.5e-7"),
             (2.5, "2.5"),
             (250.0, "250"),
             (999.7, "1k"),

@@ -17,7 +17,7 @@ use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-pub(crate) use model::{geometric_mean, groups, pareto_front};
+pub(crate) use model::{geometric_mean, groups, is_peers, pareto_front};
 pub(crate) use plots::{Frame, place_labels, ray_counts};
 pub(crate) use tables::{slug, summary_as_text};
 

@@ -1,7 +1,7 @@
 //! What the rows of a results file say together: groups that may be compared, and ratios.
 
 use super::break_even::Cost;
-use crate::bench::traces::ROBUST;
+use crate::bench::engines::ROBUST;
 use crate::results::{BuildRow, Results, Source, TraceRow};
 
 /// Measurements of one scene at one number of threads in one run. Only these are compared: they

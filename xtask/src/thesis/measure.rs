@@ -3,9 +3,9 @@
 use super::names::{Standing, candidates};
 use super::plan::Plan;
 use super::published::{Item, Published};
+use crate::bench::engines::BINARY;
 use crate::bench::rays::{DEPTH, RaySet};
 use crate::bench::timing::{Effort, in_turns, median};
-use crate::bench::traces::BINARY;
 use crate::bench::{Failures, Group, Method, builds, pool, rays, traces};
 use crate::registry;
 use crate::results::{Row, SceneInfo, Source, TraceRow, finite};
@@ -192,7 +192,7 @@ fn measure_trees(
     failures: &mut Failures,
 ) -> Result<(Vec<Tree>, Vec<Row>)> {
     let mut judged = Vec::new();
-    let mut group = Group::new(method, scene, threads, &mut judged, failures)?;
+    let mut group = Group::new(method, (&scene.name, &scene.mesh), threads, &mut judged, failures)?;
     let built = builds::measure(method, &mut group);
     let mut trees = Vec::new();
     let mut rows = Vec::new();

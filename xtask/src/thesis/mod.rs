@@ -318,7 +318,7 @@ mod tests {
         }
         let results = Results::read(&out.join("results.json")).unwrap();
         assert_eq!(results.scenes.len(), 3);
-        assert!(results.traces().any(|row| row.kernel == crate::bench::traces::BINARY));
+        assert!(results.traces().any(|row| row.kernel == crate::bench::engines::BINARY));
 
         args.scenes = vec!["missing.glb".into()];
         assert!(run(&args).is_ok_and(|code| code == ExitCode::FAILURE));

@@ -1,0 +1,128 @@
+//! Plots of points in families, with the Pareto front.
+
+use crate::report::axis::LogAxis;
+use crate::report::canvas::{Area, FAINT, INK, SIZE, chart, draw, failed, text};
+use crate::report::{Frame, place_labels};
+use anyhow::Result;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// Colours of families, in the order in which they first appear; they repeat with another marker.
+pub(super) const COLOURS: [RGBColor; 10] = [
+    RGBColor(62, 122, 230),
+    RGBColor(214, 125, 20),
+    RGBColor(20, 150, 100),
+    RGBColor(196, 68, 60),
+    RGBColor(160, 84, 200),
+    RGBColor(150, 110, 80),
+    RGBColor(210, 90, 160),
+    RGBColor(110, 140, 60),
+    RGBColor(16, 158, 178),
+    RGBColor(120, 128, 138),
+];
+
+/// A point of a plot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Dot<'a> {
+    /// Points of the same family are joined by a line, in their order.
+    pub(super) family: &'a str,
+    pub(super) label: &'a str,
+    pub(super) x: f64,
+    pub(super) y: f64,
+    /// Ringed, labelled and joined by the dashed line.
+    pub(super) on_front: bool,
+}
+
+/// What a plot shows beside its points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Look<'a> {
+    /// What x and y are.
+    pub(super) axes: (&'a str, &'a str),
+    /// Where all below this stands on the axis of x, and under which name, as a logarithm has no 0.
+    pub(super) least: Option<(f64, &'static str)>,
+    /// Points beside the front have labels too.
+    pub(super) all_labels: bool,
+}
+
+fn families<'a>(dots: &[Dot<'a>]) -> Vec<&'a str> {
+    let mut names: Vec<&str> = Vec::new();
+    for dot in dots {
+        if !names.contains(&dot.family) {
+            names.push(dot.family);
+        }
+    }
+    names
+}
+
+/// A marker whose shape and colour tell the family.
+pub(super) fn marker(area: &Area<'_>, at: (i32, i32), family: usize, size: i32) -> Result<()> {
+    let colour = COLOURS[family % COLOURS.len()];
+    match family / COLOURS.len() {
+        0 => area.draw(&Circle::new(at, size, colour.filled())),
+        1 => area.draw(&TriangleMarker::new(at, size + 2, colour.filled())),
+        _ => area.draw(&Cross::new(at, size, colour.stroke_width(2))),
+    }
+    .map_err(failed)
+}
+
+/// The names of families with their markers, in columns at the right.
+pub(super) fn legend(area: &Area<'_>, families: &[&str]) -> Result<()> {
+    #[expect(clippy::cast_possible_wrap, reason = "pixels")]
+    let x = SIZE.0 as i32 - LEGEND as i32 + 14;
+    for (i, family) in families.iter().enumerate() {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "few")]
+        let y = 18 + 18 * i as i32;
+        marker(area, (x, y), i, 4)?;
+        let style = text(12.0, INK);
+        area.draw(&Text::new((*family).to_owned(), (x + 10, y - 7), style)).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// Width that the legend takes.
+pub(super) const LEGEND: u32 = 134;
+
+/// A plot of points by two quantities, with a line through those of each family and one along the
+/// front.
+pub(super) fn plot(dots: &[Dot<'_>], look: &Look<'_>, description: &str) -> Result<String> {
+    let families = families(dots);
+    let least = look.least.map_or(0.0, |(least, _)| least);
+    let dots: Vec<Dot<'_>> = dots.iter().map(|dot| Dot { x: dot.x.max(least), ..*dot }).collect();
+    draw(description, |area| {
+        let x = LogAxis::around(dots.iter().map(|dot| dot.x), 0.05).with_least(look.least);
+        let y = LogAxis::around(dots.iter().map(|dot| dot.y), 0.05);
+        let mut chart = chart(area, (x, y), look.axes, LEGEND)?;
+        for (i, family) in families.iter().enumerate() {
+            let colour = COLOURS[i % COLOURS.len()].mix(0.5);
+            let line = dots.iter().filter(|dot| dot.family == *family).map(|dot| (dot.x, dot.y));
+            chart.draw_series(LineSeries::new(line, colour)).map_err(failed)?;
+        }
+        let mut front: Vec<(f64, f64)> =
+            dots.iter().filter(|dot| dot.on_front).map(|dot| (dot.x, dot.y)).collect();
+        front.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let line = DashedLineSeries::new(front, 4, 4, FAINT.stroke_width(1));
+        chart.draw_series(line).map_err(failed)?;
+        let mut labels = Vec::new();
+        for dot in &dots {
+            let at = chart.backend_coord(&(dot.x, dot.y));
+            let family = families.iter().position(|f| *f == dot.family).unwrap_or_default();
+            marker(area, at, family, 3)?;
+            if dot.on_front {
+                area.draw(&Circle::new(at, 6, INK.stroke_width(1))).map_err(failed)?;
+            }
+            if dot.on_front || look.all_labels {
+                labels.push(((f64::from(at.0), f64::from(at.1)), dot.label.to_owned()));
+            }
+        }
+        let (at, names): (Vec<_>, Vec<_>) = labels.into_iter().unzip();
+        let page =
+            Frame { x: (72.0, f64::from(SIZE.0 - LEGEND)), y: (6.0, f64::from(SIZE.1) - 56.0) };
+        for ((x, y), name) in place_labels(&at, &names, 11.0, page).into_iter().zip(names) {
+            let style = text(11.0, INK).pos(Pos::new(HPos::Center, VPos::Center));
+            #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+            let at = (x as i32, y as i32);
+            area.draw(&Text::new(name, at, style)).map_err(failed)?;
+        }
+        legend(area, &families)
+    })
+}
