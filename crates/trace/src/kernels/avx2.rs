@@ -2,6 +2,7 @@
 
 use super::{
     simd::define_traversal,
+    simd_boxes::define_full_boxes,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
     sort::sort8,
@@ -21,7 +22,7 @@ use std::arch::x86_64::*;
 pub(crate) mod fast {
     use super::*;
 
-    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8, define_fast_corners);
+    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8, define_full_boxes, define_fast_corners);
 }
 
 /// For scenes in [`crate::Mode::Watertight`].
@@ -29,7 +30,7 @@ pub(crate) mod watertight {
     use super::*;
     use crate::watertight::{self, CERTAIN, Sheared};
 
-    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8, define_watertight_corners);
+    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 8, define_full_boxes, define_watertight_corners);
 }
 
 /// Lanes with `a ≤ b`.

@@ -2,6 +2,7 @@
 
 use super::{
     simd::define_traversal,
+    simd_boxes::define_full_boxes,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
     sort::{sort4, sort8},
@@ -21,7 +22,12 @@ use std::arch::x86_64::*;
 pub(crate) mod fast {
     use super::*;
 
-    define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8, define_fast_corners);
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        8,
+        define_full_boxes,
+        define_fast_corners
+    );
 }
 
 /// For scenes in [`crate::Mode::Watertight`].
@@ -32,6 +38,7 @@ pub(crate) mod watertight {
     define_traversal!(
         "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
         8,
+        define_full_boxes,
         define_watertight_corners
     );
 }
