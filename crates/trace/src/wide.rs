@@ -184,7 +184,7 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
         let closest = Closest::new(setup.t_max);
-        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts);
+        let hit = scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut counts);
         (setup.finish(hit), counts)
     }
 
@@ -194,7 +194,7 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (false, counts) };
         let first = First::default();
-        let is_hit = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
+        let is_hit = scalar::trace::<W, true, _, _, _>(&self.layout, &setup, first, &mut counts);
         (is_hit, counts)
     }
 
@@ -273,7 +273,7 @@ macro_rules! intersector {
                             $module::$watertight::closest(&self.layout, setup, visitor)
                         },
                     )+
-                    _ => scalar::trace::<$width, false, _, _>(
+                    _ => scalar::trace::<$width, false, _, _, _>(
                         &self.layout, setup, visitor(), &mut (),
                     ),
                 }
@@ -298,7 +298,7 @@ macro_rules! intersector {
                             $module::$watertight::any(&self.layout, setup, visitor)
                         },
                     )+
-                    _ => scalar::trace::<$width, true, _, _>(
+                    _ => scalar::trace::<$width, true, _, _, _>(
                         &self.layout, setup, visitor(), &mut (),
                     ),
                 }
@@ -340,6 +340,8 @@ macro_rules! intersector {
         impl HitQueries for $scene<$width> {}
     };
 }
+
+pub(crate) use intersector;
 
 intersector!(WideScene, 4, fast, watertight, Avx2 => avx2_4);
 intersector!(WideScene, 8, fast, watertight, Avx512 => avx512, Avx2 => avx2);

@@ -1,6 +1,7 @@
 //! The kernel for 4-wide trees: 128-bit vectors with the instructions of AVX2 and FMA.
 
 use super::{
+    quantised_boxes::define_quantised_boxes,
     simd::define_traversal,
     simd_boxes::define_full_boxes,
     simd_fast::define_fast_corners,
@@ -31,6 +32,28 @@ pub(crate) mod watertight {
     use crate::watertight::{self, CERTAIN, Sheared};
 
     define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_full_boxes, define_watertight_corners);
+}
+
+/// For quantised scenes in [`crate::Mode::Fast`].
+pub(crate) mod quantised_fast {
+    use super::*;
+    use niwaki_wide::QuantisedNode4 as Node;
+
+    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_quantised_boxes, define_fast_corners);
+}
+
+/// For quantised scenes in [`crate::Mode::Watertight`].
+pub(crate) mod quantised_watertight {
+    use super::*;
+    use crate::watertight::{self, CERTAIN, Sheared};
+    use niwaki_wide::QuantisedNode4 as Node;
+
+    define_traversal!(
+        "avx2,fma,bmi1,bmi2,popcnt",
+        4,
+        define_quantised_boxes,
+        define_watertight_corners
+    );
 }
 
 /// Lanes with `a ≤ b`.

@@ -11,6 +11,8 @@ pub(crate) mod avx512;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx512_16;
 #[cfg(target_arch = "x86_64")]
+mod quantised_boxes;
+#[cfg(target_arch = "x86_64")]
 mod simd;
 #[cfg(target_arch = "x86_64")]
 mod simd_boxes;

@@ -14,7 +14,8 @@ pub(crate) mod vectors128 {
         _mm_sub_epi32 as sub_ints, _mm_sub_ps as sub, _mm_xor_ps as xor,
     };
     use std::arch::x86_64::{
-        _mm_castps_si128, _mm_castsi128_ps, _mm_permutevar_ps, _mm_setr_epi32,
+        _mm_castps_si128, _mm_castsi128_ps, _mm_cvtepi32_ps, _mm_cvtepu8_epi32, _mm_cvtsi32_si128,
+        _mm_permutevar_ps, _mm_setr_epi32,
     };
 
     /// The lanes that `lanes` names in its two lowest bits.
@@ -30,6 +31,18 @@ pub(crate) mod vectors128 {
         v
     }
 
+    /// Four bytes as numbers.
+    ///
+    /// # Safety
+    /// They must be readable.
+    #[target_feature(enable = "sse4.1")]
+    #[inline]
+    pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
+        // SAFETY: as promised.
+        let word = unsafe { bytes.cast::<i32>().read_unaligned() };
+        _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(word)))
+    }
+
     /// Each lane's number.
     #[target_feature(enable = "sse2")]
     #[inline]
@@ -40,7 +53,6 @@ pub(crate) mod vectors128 {
 
 /// Eight lanes: AVX2 and FMA.
 pub(crate) mod vectors256 {
-    use std::arch::x86_64::_mm256_setr_epi32;
     pub(crate) use std::arch::x86_64::{
         __m256 as Floats, __m256i as Ints, _mm256_add_ps as add, _mm256_and_ps as and,
         _mm256_and_si256 as and_ints, _mm256_andnot_ps as and_not, _mm256_castps_si256 as as_ints,
@@ -54,12 +66,27 @@ pub(crate) mod vectors256 {
         _mm256_storeu_si256 as store_ints, _mm256_sub_epi32 as sub_ints, _mm256_sub_ps as sub,
         _mm256_xor_ps as xor,
     };
+    use std::arch::x86_64::{
+        _mm_loadl_epi64, _mm256_cvtepi32_ps, _mm256_cvtepu8_epi32, _mm256_setr_epi32,
+    };
 
     /// Each lane's number.
     #[target_feature(enable = "avx")]
     #[inline]
     pub(crate) fn lane_ids() -> Ints {
         _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7)
+    }
+
+    /// Eight bytes as numbers.
+    ///
+    /// # Safety
+    /// They must be readable.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
+        // SAFETY: as promised.
+        let bytes = unsafe { _mm_loadl_epi64(bytes.cast()) };
+        _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
     }
 }
 
@@ -77,7 +104,10 @@ pub(crate) mod vectors512 {
         _mm512_storeu_si512 as store_ints, _mm512_sub_epi32 as sub_ints, _mm512_sub_ps as sub,
         _mm512_xor_ps as xor,
     };
-    use std::arch::x86_64::{_mm512_permutexvar_epi32, _mm512_permutexvar_ps, _mm512_setr_epi32};
+    use std::arch::x86_64::{
+        _mm_loadu_si128, _mm512_cvtepi32_ps, _mm512_cvtepu8_epi32, _mm512_permutexvar_epi32,
+        _mm512_permutexvar_ps, _mm512_setr_epi32,
+    };
 
     /// The lanes that `lanes` names in its four lowest bits.
     #[target_feature(enable = "avx512f")]
@@ -98,5 +128,17 @@ pub(crate) mod vectors512 {
     #[inline]
     pub(crate) fn lane_ids() -> Ints {
         _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+    }
+
+    /// Sixteen bytes as numbers.
+    ///
+    /// # Safety
+    /// They must be readable.
+    #[target_feature(enable = "avx512f")]
+    #[inline]
+    pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
+        // SAFETY: as promised.
+        let bytes = unsafe { _mm_loadu_si128(bytes.cast()) };
+        _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))
     }
 }
