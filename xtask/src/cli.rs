@@ -94,8 +94,9 @@ pub(crate) struct BenchArgs {
     pub(crate) rays: Vec<String>,
 
     /// Our traversal kernels, comma-separated: scalar, avx2, avx512, which are watertight; each with
-    /// _fast behind it, which are not; or watertight and fast for the best of each that this
-    /// processor has [default: watertight]
+    /// _fast behind it, which are not, and with _quantised (_quantised_fast) for nodes of half the
+    /// size; or watertight, fast and quantised for the best of each that this processor has
+    /// [default: watertight]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) kernels: Vec<String>,
 

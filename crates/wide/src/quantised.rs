@@ -116,15 +116,14 @@ impl<const W: usize> From<&WideNode<W>> for QuantisedNode<W> {
             planes[2 * row] = [LAST; W];
         }
         let (mut origin, mut scale) = ([0.0; 3], [1.0; 3]);
-        // NaN becomes the first of the two.
-        let lower = |x: f32| x.max(-f32::MAX).min(f32::MAX);
-        let upper = |x: f32| x.min(f32::MAX).max(-f32::MAX);
-        let is_box = |slot: usize| {
-            (0..3).all(|k| !(node.bounds[2 * k][slot] > node.bounds[2 * k + 1][slot]))
+        let finite = |x: f32, nan: f32| if x.is_nan() { nan } else { x.clamp(-f32::MAX, f32::MAX) };
+        let (lower, upper) = (|x: f32| finite(x, -f32::MAX), |x: f32| finite(x, f32::MAX));
+        let is_inverted = |slot: usize| {
+            (0..3).any(|axis| node.bounds[2 * axis][slot] > node.bounds[2 * axis + 1][slot])
         };
         for axis in 0..3 {
             let [min, max] = [0, 1].map(|row| &node.bounds[2 * axis + row][..used]);
-            let slots = || (0..used).filter(|&slot| is_box(slot));
+            let slots = || (0..used).filter(|&slot| !is_inverted(slot));
             let first = slots().map(|slot| lower(min[slot])).fold(f32::INFINITY, f32::min);
             let last = slots().map(|slot| upper(max[slot])).fold(f32::NEG_INFINITY, f32::max);
             // Without a proper box this stays as it is, too.

@@ -7,8 +7,8 @@ use super::{Group, Method};
 use crate::machine;
 use crate::registry::TreeBuilder;
 use crate::results::{Source, TraceRow};
-use niwaki_core::{Hit, Intersector, Ray};
-use niwaki_trace::{BinaryScene, Counts, Mode, WideScene};
+use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
+use niwaki_trace::{BinaryScene, Counts, Kernel, Mode, QuantisedScene, SceneError, WideScene};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -29,14 +29,44 @@ struct Engine<'a> {
 
 enum Kind {
     Wide(Box<WideScene>),
+    Quantised(Box<QuantisedScene>),
     Binary(Box<BinaryScene>),
     Own(Box<dyn Intersector + Send>),
+}
+
+/// A scene that several kernels of ours share.
+enum Ours {
+    Wide(WideScene),
+    Quantised(QuantisedScene),
+}
+
+impl Ours {
+    fn new(
+        mode: Mode,
+        quantised: bool,
+        bvh: &Bvh,
+        mesh: &TriangleMesh,
+    ) -> Result<Self, SceneError> {
+        Ok(if quantised {
+            Self::Quantised(QuantisedScene::new_in(mode, bvh, mesh)?)
+        } else {
+            Self::Wide(WideScene::new_in(mode, bvh, mesh)?)
+        })
+    }
+
+    fn with_kernel(&self, kernel: Kernel) -> Result<Kind, SceneError> {
+        Ok(match self {
+            Self::Wide(scene) => Kind::Wide(Box::new(scene.clone().with_kernel(kernel)?)),
+            Self::Quantised(scene) => Kind::Quantised(Box::new(scene.clone().with_kernel(kernel)?)),
+        })
+    }
 }
 
 impl Engine<'_> {
     fn intersector(&self) -> &dyn Intersector {
         match &self.kind {
             Kind::Wide(scene) => scene.as_ref(),
+            Kind::Quantised(scene) => scene.as_ref(),
             Kind::Binary(scene) => scene.as_ref(),
             Kind::Own(scene) => scene.as_ref(),
         }
@@ -140,24 +170,28 @@ fn make<'a>(method: &Method, group: &mut Group<'_>, tree: Built<'a>) -> Vec<Engi
     let mesh = &group.scene.mesh;
     let mut engines = Vec::new();
     for mode in Mode::ALL {
-        let mut kernels = method.kernels.iter().filter(|kernel| kernel.mode == mode).peekable();
-        if kernels.peek().is_none() {
-            continue;
-        }
-        match group.all_cores.install(|| WideScene::new_in(mode, &bvh, mesh)) {
-            Ok(scene) => {
-                for kernel in kernels {
-                    match scene.clone().with_kernel(kernel.kernel) {
-                        Ok(scene) => engines.push(Engine {
-                            builder,
-                            kernel: kernel.name(),
-                            kind: Kind::Wide(Box::new(scene)),
-                        }),
-                        Err(error) => group.fail(builder, &error.into()),
+        for quantised in [false, true] {
+            let kernels = method
+                .kernels
+                .iter()
+                .filter(|kernel| kernel.mode == mode && kernel.quantised == quantised);
+            let mut kernels = kernels.peekable();
+            if kernels.peek().is_none() {
+                continue;
+            }
+            match group.all_cores.install(|| Ours::new(mode, quantised, &bvh, mesh)) {
+                Ok(scene) => {
+                    for kernel in kernels {
+                        match scene.with_kernel(kernel.kernel) {
+                            Ok(kind) => {
+                                engines.push(Engine { builder, kernel: kernel.name(), kind });
+                            }
+                            Err(error) => group.fail(builder, &error.into()),
+                        }
                     }
                 }
+                Err(error) => group.fail(builder, &error.into()),
             }
-            Err(error) => group.fail(builder, &error.into()),
         }
     }
     if method.binary.contains(&builder.full_name()) {
@@ -250,19 +284,16 @@ fn measure_set(
 
 /// Boxes and triangles tested per ray, for our kernels.
 fn count(group: &Group<'_>, engine: &Engine<'_>, set: &RaySet) -> Option<(f64, f64)> {
-    let Kind::Wide(scene) = &engine.kind else { return None };
+    let counted = |ray: &Ray| match (&engine.kind, set.any_hit) {
+        (Kind::Wide(scene), false) => Some(scene.closest_hit_counted(ray).1),
+        (Kind::Wide(scene), true) => Some(scene.any_hit_counted(ray).1),
+        (Kind::Quantised(scene), false) => Some(scene.closest_hit_counted(ray).1),
+        (Kind::Quantised(scene), true) => Some(scene.any_hit_counted(ray).1),
+        (Kind::Binary(_) | Kind::Own(_), _) => None,
+    };
     let rays = blocks_of(&set.rays, COUNTED);
-    let counts: Counts = group.all_cores.install(|| {
-        rays.par_iter()
-            .map(|ray| {
-                if set.any_hit {
-                    scene.any_hit_counted(ray).1
-                } else {
-                    scene.closest_hit_counted(ray).1
-                }
-            })
-            .sum()
-    });
+    let counts: Counts =
+        group.all_cores.install(|| rays.par_iter().map(counted).sum::<Option<Counts>>())?;
     let per_ray = |count: u64| count as f64 / rays.len() as f64;
     Some((per_ray(counts.boxes), per_ray(counts.triangles)))
 }

@@ -67,7 +67,8 @@ pub(crate) mod vectors256 {
         _mm256_xor_ps as xor,
     };
     use std::arch::x86_64::{
-        _mm_loadl_epi64, _mm256_cvtepi32_ps, _mm256_cvtepu8_epi32, _mm256_setr_epi32,
+        _mm_setr_epi8, _mm256_cvtepi32_ps, _mm256_set_m128i, _mm256_set1_epi64x, _mm256_setr_epi32,
+        _mm256_shuffle_epi8,
     };
 
     /// Each lane's number.
@@ -85,8 +86,13 @@ pub(crate) mod vectors256 {
     #[inline]
     pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
         // SAFETY: as promised.
-        let bytes = unsafe { _mm_loadl_epi64(bytes.cast()) };
-        _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
+        let row = unsafe { bytes.cast::<i64>().read_unaligned() };
+        // To load the row into both halves and shuffle within them takes a cycle; instructions
+        // that zero-extend across them take three, on a port that is busy.
+        let first = _mm_setr_epi8(0, -1, -1, -1, 1, -1, -1, -1, 2, -1, -1, -1, 3, -1, -1, -1);
+        let last = _mm_setr_epi8(4, -1, -1, -1, 5, -1, -1, -1, 6, -1, -1, -1, 7, -1, -1, -1);
+        let spread = _mm256_set_m128i(last, first);
+        _mm256_cvtepi32_ps(_mm256_shuffle_epi8(_mm256_set1_epi64x(row), spread))
     }
 }
 
