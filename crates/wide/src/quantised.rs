@@ -15,9 +15,10 @@ const LAST: u8 = u8::MAX;
 ///
 /// The grid of an axis has 256 planes: `origin[axis] + q·scale[axis]`, taken exactly, for
 /// q = 0 to 255. It begins at the children's smallest coordinate and ends at the largest or just
-/// behind. Boxes are rounded outward to it, so each contains that of the [`WideNode`], whatever its
-/// size and place; it is larger by less than two steps in all. A flat side on the first plane
-/// stays flat.
+/// behind, or the other way round with a negative scale. Boxes are rounded outward to it, so each
+/// contains that of the [`WideNode`], whatever its size and place; it is larger by less than two
+/// steps in all. What lies on the first plane of the grid stays where it is; so it begins on that
+/// side on which there are more flat boxes: rays that leave a wall should not meet its box.
 ///
 /// The scale is not restricted to powers of two, as the sources do to save three bytes and a
 /// multiplication: that would waste a quarter of the steps on average, and a node that fills its
@@ -53,8 +54,8 @@ pub struct QuantisedNode<const W: usize> {
     pub children: [u32; W],
     /// The first plane of each axis.
     pub origin: [f32; 3],
-    /// The distance of two planes of each axis: positive, finite and not denormal. The lowest five
-    /// bits of the first are the number of used slots, which makes it larger by at most 2⁻¹⁸ of
+    /// The distance of two planes of each axis, negative where the grid begins at the largest
+    /// coordinate: finite and not denormal. The lowest five bits of the first are the number of used slots, which makes it larger by at most 2⁻¹⁸ of
     /// itself; as a scale it is used with them.
     pub scale: [f32; 3],
     /// Rows of steps: `planes[2·axis]` the smallest, `planes[2·axis + 1]` the largest coordinates.
@@ -127,20 +128,48 @@ impl<const W: usize> From<&WideNode<W>> for QuantisedNode<W> {
             let first = slots().map(|slot| lower(min[slot])).fold(f32::INFINITY, f32::min);
             let last = slots().map(|slot| upper(max[slot])).fold(f32::NEG_INFINITY, f32::max);
             // Without a proper box this stays as it is, too.
+            let mut size = 1.0;
+            let mut from_last = false;
             if first <= last {
-                origin[axis] = first;
-                scale[axis] = step(above(last, first));
+                size = step(above(last, first));
+                let flat_at = |x: f32| {
+                    slots()
+                        .filter(|&slot| min[slot] == x && max[slot] == x)
+                        .map(|slot| face(node, axis, slot))
+                        .sum::<f32>()
+                };
+                from_last = flat_at(last) > flat_at(first);
+                origin[axis] = if from_last { last } else { first };
             }
             if axis == 0 {
-                scale[0] = with_used(scale[0], node.used);
+                size = with_used(size, node.used);
             }
             for slot in slots() {
-                planes[2 * axis][slot] = floor(below(lower(min[slot]), first), scale[axis]);
-                planes[2 * axis + 1][slot] = ceil(above(upper(max[slot]), first), scale[axis]);
+                let (min, max) = (lower(min[slot]), upper(max[slot]));
+                let (row, other) = (2 * axis, 2 * axis + 1);
+                if from_last {
+                    planes[row][slot] = ceil(above(last, min), size);
+                    planes[other][slot] = floor(below(last, max), size);
+                } else {
+                    planes[row][slot] = floor(below(min, first), size);
+                    planes[other][slot] = ceil(above(max, first), size);
+                }
+            }
+            scale[axis] = if from_last { -size } else { size };
+            if from_last {
+                for slot in used..W {
+                    (planes[2 * axis][slot], planes[2 * axis + 1][slot]) = (0, LAST);
+                }
             }
         }
         Self { children: node.children, origin, scale, planes }
     }
+}
+
+/// The area of a child's box as seen along an axis.
+fn face<const W: usize>(node: &WideNode<W>, axis: usize, slot: usize) -> f32 {
+    let extent = |axis: usize| node.bounds[2 * axis + 1][slot] - node.bounds[2 * axis][slot];
+    extent((axis + 1) % 3) * extent((axis + 2) % 3)
 }
 
 /// A step of which 255 are at least as long as `extent`; 1 for no extent.

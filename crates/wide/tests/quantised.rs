@@ -25,20 +25,21 @@ fn check<const W: usize>(node: &WideNode<W>) {
     assert_eq!(quantised.children, node.children);
     for axis in 0..3 {
         let (origin, scale) = (quantised.origin[axis], quantised.scale[axis]);
-        assert!(scale >= f32::MIN_POSITIVE && scale.is_finite(), "{scale}");
+        assert!(scale.abs() >= f32::MIN_POSITIVE && scale.is_finite(), "{scale}");
+        let down = scale < 0.0;
         let used = node.used as usize;
         let first = node.bounds[2 * axis][..used].iter().fold(f32::INFINITY, |a, b| a.min(*b));
         let last = node.bounds[2 * axis + 1][..used].iter().fold(-f32::INFINITY, |a, b| a.max(*b));
-        assert_eq!(origin, first);
+        assert_eq!(origin, if down { last } else { first });
         let extent = f64::from(last) - f64::from(first);
         // The scale is the extent's 255th part, but for rounding and the bits of `used`.
         if extent > 0.0 {
-            assert!(f64::from(scale) * 255.0 <= extent * (1.0 + 2.0_f64.powi(-17)) + 1e-35);
+            assert!(f64::from(scale.abs()) * 255.0 <= extent * (1.0 + 2.0_f64.powi(-17)) + 1e-35);
         }
         for slot in 0..W {
             let [min, max] = [0, 1].map(|row| quantised.planes[2 * axis + row][slot]);
             if slot >= used {
-                assert_eq!([min, max], [255, 0]);
+                assert_eq!([min, max], if down { [0, 255] } else { [255, 0] });
                 assert_eq!(quantised.child(slot), None);
                 assert_eq!(quantised.aabb(slot), Aabb::EMPTY);
                 continue;
@@ -47,8 +48,13 @@ fn check<const W: usize>(node: &WideNode<W>) {
             assert_ne!(compare(origin, min, scale, lower), Ordering::Greater);
             assert_ne!(compare(origin, max, scale, upper), Ordering::Less);
             // No step is given away.
-            assert!(min == 255 || compare(origin, min + 1, scale, lower) == Ordering::Greater);
-            assert!(max == 0 || compare(origin, max - 1, scale, upper) == Ordering::Less);
+            let inward =
+                |step: u8, by: i16| u8::try_from(i16::from(step) + if down { -by } else { by });
+            let is_above = |q| compare(origin, q, scale, lower) == Ordering::Greater;
+            let is_below = |q| compare(origin, q, scale, upper) == Ordering::Less;
+            assert!(
+                inward(min, 1).map_or(true, is_above) && inward(max, -1).map_or(true, is_below)
+            );
             let (outer, inner) = (quantised.aabb(slot), node.aabb(slot));
             assert!(outer.contains(&inner), "{outer:?} {inner:?}");
         }
@@ -103,6 +109,12 @@ fn what_lies_on_the_first_plane_stays_exact_and_flat() {
     assert_eq!((node.planes[0][0], node.planes[1][0]), (0, 0));
     assert_eq!((node.planes[2][1], node.planes[3][1]), (0, 0));
     assert_eq!(node.origin, [0.25, 5.0, 1.0]);
+    // More of the flat boxes are on the last plane.
+    let wide = Aabb::new(Vec3::new(7.3, 0.0, 1.0), Vec3::new(7.3, 9.0, 2.0));
+    let node = QuantisedNode::from(&node_of(&[flat(0.1), wide, flat(1.0)]));
+    assert!(node.scale[0] < 0.0 && node.origin[0] == 7.3);
+    let slot = (0..3).find(|&slot| node.aabb(slot).contains(&wide)).unwrap();
+    assert_eq!((node.planes[0][slot], node.planes[1][slot]), (0, 0));
     // One point.
     let point = Aabb::new(Vec3::splat(-3.0), Vec3::splat(-3.0));
     let node = QuantisedNode::from(&node_of(&[point, point]));
