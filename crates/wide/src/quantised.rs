@@ -112,64 +112,85 @@ impl<const W: usize> From<&WideNode<W>> for QuantisedNode<W> {
     /// largest finite ones; inverted ones stay inverted.
     fn from(node: &WideNode<W>) -> Self {
         let used = (node.used as usize).min(W);
+        let (mut origin, mut scale) = ([0.0; 3], [0.0; 3]);
         let mut planes = [[0; W]; 6];
-        for row in 0..3 {
-            planes[2 * row] = [LAST; W];
-        }
-        let (mut origin, mut scale) = ([0.0; 3], [1.0; 3]);
-        let finite = |x: f32, nan: f32| if x.is_nan() { nan } else { x.clamp(-f32::MAX, f32::MAX) };
-        let (lower, upper) = (|x: f32| finite(x, -f32::MAX), |x: f32| finite(x, f32::MAX));
-        let is_inverted = |slot: usize| {
-            (0..3).any(|axis| node.bounds[2 * axis][slot] > node.bounds[2 * axis + 1][slot])
-        };
         for axis in 0..3 {
-            let [min, max] = [0, 1].map(|row| &node.bounds[2 * axis + row][..used]);
-            let slots = || (0..used).filter(|&slot| !is_inverted(slot));
-            let first = slots().map(|slot| lower(min[slot])).fold(f32::INFINITY, f32::min);
-            let last = slots().map(|slot| upper(max[slot])).fold(f32::NEG_INFINITY, f32::max);
-            // Without a proper box this stays as it is, too.
-            let mut size = 1.0;
-            let mut from_last = false;
-            if first <= last {
-                size = step(above(last, first));
-                let flat_at = |x: f32| {
-                    slots()
-                        .filter(|&slot| min[slot] == x && max[slot] == x)
-                        .map(|slot| face(node, axis, slot))
-                        .sum::<f32>()
-                };
-                from_last = flat_at(last) > flat_at(first);
-                origin[axis] = if from_last { last } else { first };
-            }
+            let mut grid = Grid::of(node, axis, used);
             if axis == 0 {
-                size = with_used(size, node.used);
+                grid.step = with_used(grid.step, node.used);
             }
-            for slot in slots() {
-                let (min, max) = (lower(min[slot]), upper(max[slot]));
-                let (row, other) = (2 * axis, 2 * axis + 1);
-                if from_last {
-                    planes[row][slot] = ceil(above(last, min), size);
-                    planes[other][slot] = floor(below(last, max), size);
-                } else {
-                    planes[row][slot] = floor(below(min, first), size);
-                    planes[other][slot] = ceil(above(max, first), size);
-                }
-            }
-            scale[axis] = if from_last { -size } else { size };
-            if from_last {
-                for slot in used..W {
-                    (planes[2 * axis][slot], planes[2 * axis + 1][slot]) = (0, LAST);
-                }
-            }
+            // Inverted.
+            let unused = if grid.is_reverse { [0, LAST] } else { [LAST, 0] };
+            let ends: [[u8; 2]; W] = std::array::from_fn(|slot| {
+                let is_box = slot < used && is_box(node, slot);
+                if is_box { grid.ends(side(node, axis, slot)) } else { unused }
+            });
+            planes[2 * axis] = ends.map(|[min, _]| min);
+            planes[2 * axis + 1] = ends.map(|[_, max]| max);
+            origin[axis] = grid.origin;
+            scale[axis] = if grid.is_reverse { -grid.step } else { grid.step };
         }
         Self { children: node.children, origin, scale, planes }
     }
 }
 
-/// The area of a child's box as seen along an axis.
-fn face<const W: usize>(node: &WideNode<W>, axis: usize, slot: usize) -> f32 {
-    let extent = |axis: usize| node.bounds[2 * axis + 1][slot] - node.bounds[2 * axis][slot];
-    extent((axis + 1) % 3) * extent((axis + 2) % 3)
+/// True unless the box of a slot is inverted.
+fn is_box<const W: usize>(node: &WideNode<W>, slot: usize) -> bool {
+    !(0..3).any(|axis| node.bounds[2 * axis][slot] > node.bounds[2 * axis + 1][slot])
+}
+
+/// The smallest and the largest coordinate of a slot's box, made finite.
+fn side<const W: usize>(node: &WideNode<W>, axis: usize, slot: usize) -> [f32; 2] {
+    let finite = |x: f32, nan: f32| if x.is_nan() { nan } else { x.clamp(-f32::MAX, f32::MAX) };
+    let [min, max] = [0, 1].map(|row| node.bounds[2 * axis + row][slot]);
+    [finite(min, -f32::MAX), finite(max, f32::MAX)]
+}
+
+/// The planes of an axis.
+struct Grid {
+    /// The first.
+    origin: f32,
+    /// Their distance; positive.
+    step: f32,
+    /// They count down from the largest coordinate.
+    is_reverse: bool,
+}
+
+impl Grid {
+    fn of<const W: usize>(node: &WideNode<W>, axis: usize, used: usize) -> Self {
+        let sides = || {
+            (0..used).filter(|&slot| is_box(node, slot)).map(|slot| (slot, side(node, axis, slot)))
+        };
+        let first = sides().map(|(_, [min, _])| min).fold(f32::INFINITY, f32::min);
+        let last = sides().map(|(_, [_, max])| max).fold(f32::NEG_INFINITY, f32::max);
+        if first > last {
+            // No box at all.
+            return Self { origin: 0.0, step: 1.0, is_reverse: false };
+        }
+        // The faces of flat boxes at a coordinate.
+        let flat_at = |x: f32| {
+            let faces = sides().filter(|(_, side)| *side == [x; 2]).map(|(slot, _)| {
+                let extent = |axis| side(node, axis, slot).map(f64::from);
+                let [a, b] = [(axis + 1) % 3, (axis + 2) % 3].map(extent);
+                (a[1] - a[0]) * (b[1] - b[0])
+            });
+            faces.sum::<f64>()
+        };
+        let is_reverse = flat_at(last) > flat_at(first);
+        let origin = if is_reverse { last } else { first };
+        Self { origin, step: step(above(last, first)), is_reverse }
+    }
+
+    /// The planes of a child's sides, rounded outward.
+    fn ends(&self, [min, max]: [f32; 2]) -> [u8; 2] {
+        if self.is_reverse {
+            let distances = [above(self.origin, min), below(self.origin, max)];
+            [ceil(distances[0], self.step), floor(distances[1], self.step)]
+        } else {
+            let distances = [below(min, self.origin), above(max, self.origin)];
+            [floor(distances[0], self.step), ceil(distances[1], self.step)]
+        }
+    }
 }
 
 /// A step of which 255 are at least as long as `extent`; 1 for no extent.
