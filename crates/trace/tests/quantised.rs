@@ -205,6 +205,31 @@ fn chains_of_any_depth_are_traced() {
 }
 
 #[test]
+fn a_scene_whose_extent_is_no_number_is_traced() {
+    let (mut positions, mut indices) = soup_mesh(30, 0.8, 4).into_parts();
+    let first = to_u32(positions.len());
+    for x in [-3.0e38, 3.0e38] {
+        positions.extend([Vec3::X, Vec3::Y, Vec3::ONE].map(|p| p + Vec3::splat(x)));
+    }
+    indices.extend([[first, first + 1, 0], [first + 3, first + 4, 1]]);
+    let mesh = TriangleMesh::new(positions, indices).unwrap();
+    assert_eq!(mesh.bounds().extent().x, f32::INFINITY);
+    let bvh = median_tree(&mesh, 1);
+    let rays = random_rays(300, 9);
+    let full = WideScene::new(&bvh, &mesh).unwrap();
+    let mut hits = 0;
+    each_kernel(Mode::Watertight, &bvh, &mesh, |name, scene, _| {
+        for ray in &rays {
+            let expected = brute_force_in(Mode::Watertight, &mesh, ray);
+            assert_eq!(bits(&scene.closest_hit(ray)), bits(&expected), "{name} {ray:?}");
+            assert_eq!(bits(&full.closest_hit(ray)), bits(&expected), "{ray:?}");
+            hits += usize::from(expected.is_hit());
+        }
+    });
+    assert!(hits > 10, "the rays must meet the triangles");
+}
+
+#[test]
 fn scenes_that_cannot_be_are_refused() {
     let empty = QuantisedScene::new(&Bvh::default(), &TriangleMesh::default()).unwrap();
     let ray = Ray::new(Vec3::ZERO, Vec3::X);
