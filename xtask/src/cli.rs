@@ -101,6 +101,8 @@ pub(crate) struct BenchArgs {
     ///
     /// - the children of a node: _4 (scalar_4, avx2_4) or _16 (scalar_16, avx512_16); 8 without;
     ///
+    /// - _quantised for nodes of half the size (avx512_quantised; quantised for the best);
+    ///
     /// - _fast for the mode that is not watertight (avx512_fast, avx2_4_fast; fast for the best);
     ///
     /// - _batch for calls with 1024 rays each (avx512_batch, fast_batch); without it, rays are asked

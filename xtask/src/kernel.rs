@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_trace::{Counts, Kernel, Mode, SceneError, WideScene};
+use niwaki_trace::{Counts, Kernel, Mode, QuantisedScene, SceneError, WideScene};
 use niwaki_wide::{Bvh4, Bvh8, Bvh16, CollapseSettings};
 
 /// Children a node that a tree can have.
@@ -13,36 +13,44 @@ pub(crate) const USUAL_WIDTH: usize = 8;
 /// Rays of each call of a kernel with `_batch` in its name.
 pub(crate) const BATCH: usize = 1024;
 
-/// A kernel in a mode over trees of a width, asked for one ray at a time or for batches.
+/// A kernel in a mode over trees of a width with nodes of full precision or quantised ones, asked
+/// for one ray at a time or for batches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TraceKernel {
     pub(crate) kernel: Kernel,
     pub(crate) mode: Mode,
     /// One of [`WIDTHS`] that the kernel traces.
     pub(crate) width: usize,
+    pub(crate) quantised: bool,
     /// Asked through `closest_hits` and `any_hits` with [`BATCH`] rays each, not ray by ray.
     pub(crate) batch: bool,
 }
 
+/// What selects the best kernel over quantised nodes.
+const QUANTISED: &str = "quantised";
+
 impl TraceKernel {
     const fn new(kernel: Kernel, mode: Mode) -> Self {
-        Self { kernel, mode, width: USUAL_WIDTH, batch: false }
+        Self { kernel, mode, width: USUAL_WIDTH, quantised: false, batch: false }
     }
 
     /// All that this processor can run over 8-wide trees, one ray at a time; by mode, slowest
-    /// first.
+    /// first. Quantised nodes differ in the test of boxes alone, so one kernel of theirs will do.
     pub(crate) fn available() -> Vec<Self> {
-        let of =
-            |mode| WideScene::<8>::kernels().into_iter().map(move |kernel| Self::new(kernel, mode));
+        let of = |mode| {
+            let full =
+                WideScene::<8>::kernels().into_iter().map(move |kernel| Self::new(kernel, mode));
+            full.chain([Self { quantised: true, ..Self::best_in(mode) }])
+        };
         Mode::ALL.into_iter().flat_map(of).collect()
     }
 
-    /// The fastest of each width in each mode, one ray at a time.
+    /// The fastest of each width and kind of nodes in each mode, one ray at a time.
     pub(crate) fn best_of_each_width() -> Vec<Self> {
         let mut best: Vec<Self> = Vec::new();
         // Slower ones come first.
         for kernel in Self::all().filter(|kernel| kernel.kernel.is_available()) {
-            let same = |k: &&mut Self| (k.mode, k.width) == (kernel.mode, kernel.width);
+            let same = |k: &&mut Self| k.layout() == kernel.layout();
             match best.iter_mut().find(same) {
                 Some(known) => *known = kernel,
                 None => best.push(kernel),
@@ -62,12 +70,20 @@ impl TraceKernel {
         Self::best_in(Mode::default())
     }
 
+    /// What kernels that can share a tree and its triangles have in common.
+    pub(crate) const fn layout(self) -> (Mode, usize, bool) {
+        (self.mode, self.width, self.quantised)
+    }
+
     /// `avx512` over 8-wide trees in the default mode, which is the watertight one, one ray at a
-    /// time; `avx2_4`, `avx512_fast`, `avx512_batch` and so on otherwise.
+    /// time; `avx2_4`, `avx512_quantised`, `avx512_fast`, `avx512_batch` and so on otherwise.
     pub(crate) fn name(self) -> String {
         let mut name = self.kernel.name().to_owned();
         if self.width != USUAL_WIDTH {
             name += &format!("_{}", self.width);
+        }
+        if self.quantised {
+            name += "_quantised";
         }
         if self.mode != Mode::default() {
             name += &format!("_{}", self.mode);
@@ -83,9 +99,9 @@ impl TraceKernel {
         if self.batch { BATCH } else { 1 }
     }
 
-    /// The kernels that a list names, each once: names, and `watertight` or `fast` for the
-    /// processor's best in that mode, alike with `_batch`. The best in the default mode without a
-    /// name.
+    /// The kernels that a list names, each once: names, `watertight` or `fast` for the processor's
+    /// best in that mode, and `quantised` for its best over quantised nodes, alike with `_batch`.
+    /// The best in the default mode without a name.
     pub(crate) fn select(names: &[String]) -> Result<Vec<Self>> {
         let mut kernels = Vec::new();
         for name in names {
@@ -93,6 +109,7 @@ impl TraceKernel {
                 name.strip_suffix("_batch").map_or((name.as_str(), false), |stem| (stem, true));
             let kernel = match Mode::ALL.into_iter().find(|mode| mode.name() == stem) {
                 Some(mode) => Self { batch, ..Self::best_in(mode) },
+                None if stem == QUANTISED => Self { batch, quantised: true, ..Self::best() },
                 None => Self { batch, ..Self::named(stem)? },
             };
             if !kernels.contains(&kernel) {
@@ -105,12 +122,16 @@ impl TraceKernel {
         Ok(kernels)
     }
 
-    /// Every kernel in every mode for every width that it traces, one ray at a time.
+    /// Every kernel in every mode for every width and kind of nodes that it traces, one ray at a
+    /// time.
     fn all() -> impl Iterator<Item = Self> {
         Mode::ALL.into_iter().rev().flat_map(|mode| {
             Kernel::ALL.into_iter().flat_map(move |kernel| {
                 let traced = WIDTHS.into_iter().filter(move |&width| kernel.traces(width));
-                traced.map(move |width| Self { width, ..Self::new(kernel, mode) })
+                traced.flat_map(move |width| {
+                    let of = move |quantised| Self { width, quantised, ..Self::new(kernel, mode) };
+                    [false, true].map(of)
+                })
             })
         })
     }
@@ -122,8 +143,8 @@ impl TraceKernel {
             None => {
                 let known: Vec<_> = Self::all().map(Self::name).collect();
                 bail!(
-                    "`{name}` is no kernel; known are fast, watertight, {}, and each of them with \
-                     _batch behind it",
+                    "`{name}` is no kernel; known are fast, watertight, {QUANTISED}, {}, and each of \
+                     them with _batch behind it",
                     known.join(", ")
                 )
             }
@@ -159,12 +180,16 @@ impl Collapse {
     }
 }
 
-/// A wide tree of any of the [`WIDTHS`] with its triangles; clones share them.
+/// A wide tree of any of the [`WIDTHS`] and either kind of nodes, with its triangles; clones share
+/// them.
 #[derive(Clone, Debug)]
 pub(crate) enum WideTree {
     Four(WideScene<4>),
     Eight(WideScene<8>),
     Sixteen(WideScene<16>),
+    QuantisedFour(QuantisedScene<4>),
+    QuantisedEight(QuantisedScene<8>),
+    QuantisedSixteen(QuantisedScene<16>),
 }
 
 /// The same expression with the scene of whichever width.
@@ -174,6 +199,9 @@ macro_rules! of_any_width {
             WideTree::Four($scene) => $do,
             WideTree::Eight($scene) => $do,
             WideTree::Sixteen($scene) => $do,
+            WideTree::QuantisedFour($scene) => $do,
+            WideTree::QuantisedEight($scene) => $do,
+            WideTree::QuantisedSixteen($scene) => $do,
         }
     };
 }
@@ -188,10 +216,16 @@ impl WideTree {
         mesh: &TriangleMesh,
     ) -> Result<Self, SceneError> {
         let (mode, settings) = (kernel.mode, collapse.settings());
-        let tree = match kernel.width {
-            4 => Self::Four(WideScene::build_in(mode, Bvh4::collapse(bvh, &settings)?, mesh)?),
-            16 => Self::Sixteen(WideScene::build_in(mode, Bvh16::collapse(bvh, &settings)?, mesh)?),
-            _ => Self::Eight(WideScene::build_in(mode, Bvh8::collapse(bvh, &settings)?, mesh)?),
+        let four = || Bvh4::collapse(bvh, &settings);
+        let eight = || Bvh8::collapse(bvh, &settings);
+        let sixteen = || Bvh16::collapse(bvh, &settings);
+        let tree = match (kernel.width, kernel.quantised) {
+            (4, false) => Self::Four(WideScene::build_in(mode, four()?, mesh)?),
+            (4, true) => Self::QuantisedFour(QuantisedScene::build_in(mode, four()?, mesh)?),
+            (16, false) => Self::Sixteen(WideScene::build_in(mode, sixteen()?, mesh)?),
+            (16, true) => Self::QuantisedSixteen(QuantisedScene::build_in(mode, sixteen()?, mesh)?),
+            (_, false) => Self::Eight(WideScene::build_in(mode, eight()?, mesh)?),
+            (_, true) => Self::QuantisedEight(QuantisedScene::build_in(mode, eight()?, mesh)?),
         };
         tree.with_kernel(kernel.kernel)
     }
@@ -202,6 +236,9 @@ impl WideTree {
             Self::Four(scene) => Self::Four(scene.with_kernel(kernel)?),
             Self::Eight(scene) => Self::Eight(scene.with_kernel(kernel)?),
             Self::Sixteen(scene) => Self::Sixteen(scene.with_kernel(kernel)?),
+            Self::QuantisedFour(scene) => Self::QuantisedFour(scene.with_kernel(kernel)?),
+            Self::QuantisedEight(scene) => Self::QuantisedEight(scene.with_kernel(kernel)?),
+            Self::QuantisedSixteen(scene) => Self::QuantisedSixteen(scene.with_kernel(kernel)?),
         })
     }
 
@@ -271,9 +308,11 @@ mod tests {
         assert_eq!(names(&["scalar_fast", "scalar", "scalar"]), ["scalar_fast", "scalar"]);
         assert_eq!(names(&["watertight", "fast"]), [best.to_owned(), format!("{best}_fast")]);
         assert_eq!(names(&["fast_batch"]), [format!("{best}_fast_batch")]);
-        let all = ["scalar_16_fast", "scalar_4", "scalar_4_batch", "scalar_16_fast_batch"];
+        assert_eq!(names(&["quantised"]), [format!("{best}_quantised")]);
+        let all =
+            ["scalar_16_fast", "scalar_4", "scalar_4_batch", "scalar_16_quantised_fast_batch"];
         assert_eq!(names(&all), all);
-        assert_eq!(TraceKernel::available().len(), 2 * Kernel::available().len());
+        assert_eq!(TraceKernel::available().len(), 2 * (Kernel::available().len() + 1));
         for bad in ["avx", "scalar_8", "avx2_16", "scalar_batch_fast", "batch"] {
             let error = TraceKernel::select(&[bad.into()]).unwrap_err().to_string();
             assert!(error.contains(bad.trim_end_matches("_batch")), "{error}");

@@ -4,7 +4,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fastrand::Rng;
 use niwaki_core::{Hit, Intersector, Ray, glam::Vec3};
 use niwaki_hard_cases::{median_tree, soup_mesh};
-use niwaki_trace::{BinaryScene, Kernel, WideScene};
+use niwaki_trace::{BinaryScene, Kernel, QuantisedScene, WideScene};
 use std::hint::black_box;
 
 /// In a cube from −1 to 1.
@@ -20,12 +20,15 @@ fn kernels(c: &mut Criterion) {
     let rays: Vec<Ray> =
         (0..4096).map(|_| Ray::new(point(&mut rng), point(&mut rng).normalize_or_zero())).collect();
     let wide = WideScene::new(&bvh, &mesh).expect("a tree of this mesh");
+    let quantised = QuantisedScene::new(&bvh, &mesh).expect("a tree of this mesh");
     let binary = BinaryScene::new(&bvh, &mesh).expect("a tree of this mesh");
     let mut scenes: Vec<(String, Box<dyn Intersector>)> =
         vec![("binary".to_owned(), Box::new(binary))];
     for kernel in Kernel::available() {
         let scene = wide.clone().with_kernel(kernel).expect("available");
         scenes.push((kernel.to_string(), Box::new(scene)));
+        let scene = quantised.clone().with_kernel(kernel).expect("available");
+        scenes.push((format!("{kernel}, quantised"), Box::new(scene)));
     }
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut occluded = vec![false; rays.len()];
@@ -48,6 +51,9 @@ fn kernels(c: &mut Criterion) {
     let mut group = c.benchmark_group("layout");
     group.throughput(Throughput::Elements(mesh.len() as u64));
     group.bench_function("wide_scene", |b| b.iter(|| WideScene::new(black_box(&bvh), &mesh)));
+    group.bench_function("quantised_scene", |b| {
+        b.iter(|| QuantisedScene::new(black_box(&bvh), &mesh));
+    });
     group.finish();
 }
 

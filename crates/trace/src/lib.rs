@@ -16,6 +16,7 @@
 //! | item | what it is |
 //! |---|---|
 //! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
+//! | [`QuantisedScene`] | the same with nodes of half the size |
 //! | [`Mode`] | watertight, the default: no ray slips between two triangles; or fast |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
 //! | [`DoubleScene`] | rays and triangles in `f64`, for scenes whose detail is lost in `f32` |
@@ -44,6 +45,7 @@ mod error;
 mod kernel;
 mod kernels;
 mod mode;
+mod quantised;
 mod query;
 mod scale;
 mod setup;
@@ -58,6 +60,7 @@ pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;
 pub use mode::Mode;
+pub use quantised::QuantisedScene;
 pub use query::{
     Batches, CustomScene, HitQueries, LengthMismatch, MaskedScene, MeshQueries, NearestPoint,
     Primitives, nearest_on_triangle, triangle_overlaps_box,

@@ -4,7 +4,7 @@ use crate::setup::MODERATE;
 use niwaki_core::{Aabb, AreaScale, Triangle, glam::Vec3};
 
 /// The power of two that a scene's coordinates are multiplied by before anything else, chosen
-/// from its extent; 1 for scenes of 2⁻²⁰ to 2³⁰ units.
+/// from its extent, which becomes 2³⁰ at most; 1 for scenes of 2⁻²⁰ to 2³⁰ units.
 ///
 /// The triangle test multiplies three lengths, so coordinates of 1e30 would overflow and those of
 /// 1e-30 vanish. Multiplication by a power of two is exact, except where a part of the scene is
@@ -22,7 +22,10 @@ pub(crate) struct SceneScale {
 
 impl SceneScale {
     pub(crate) fn of(bounds: &Aabb) -> Self {
-        let factor = AreaScale::of(bounds).get();
+        // An extent that is no f32 is at most 2¹²⁹. It must not stay: a plane of a quantised node is
+        // the sum of two terms, each of which has to be finite.
+        let is_endless = bounds.extent().max_element() == f32::INFINITY;
+        let factor = if is_endless { 2.0_f32.powi(-99) } else { AreaScale::of(bounds).get() };
         let bounds = if bounds.is_empty() {
             Aabb::new(Vec3::ZERO, Vec3::ZERO)
         } else {

@@ -117,11 +117,18 @@ fn to_f32(x: f64) -> f32 {
 /// conservative without any work per box.
 ///
 /// A plane at `b` is crossed at `t = (b − o)/d`, computed as `fma(b, r, −o·r)` with `r = 1/d`.
-/// With u the unit roundoff, the error is at most `|r|·u·(2|b − o| + |o|)` to first order, where
-/// `|b|` is at most the scene's largest coordinate, which is known beforehand: so the bound goes
-/// into the constant term, once a ray, lowering every entry and raising every exit. A box thus
-/// grows by a few units in the last place of the scene's coordinates, and none that the ray
-/// meets is lost, whatever rounding does (Ize 2013 gives the bound for the two-step form).
+/// With u the unit roundoff, the error is at most `|r|·u·(2|b − o| + 2|o|)` to first order: a
+/// rounding of `r`, one of the result, and two of the offset. `|b|` is at most the scene's largest
+/// coordinate M, which is known beforehand: so the bound, `|r|·u·(2M + 4|o|)`, goes into the constant
+/// term, once a ray, lowering every entry and raising every exit. A box thus grows by a few units
+/// in the last place of the scene's coordinates, and none that the ray meets is lost, whatever
+/// rounding does (Ize 2013 gives the bound for the two-step form).
+///
+/// A plane of a quantised node is `b = g + q·s` exactly, and is computed as
+/// `fma(q, s·r, fma(g, r, −o·r))`. That has two roundings more, of `s·r` and of the inner sum, which
+/// together come to `|r|·u·(q·s + |g − o|)` at most. With `|g| ≤ M`, `q·s ≤ 2.02M` (a grid ends at
+/// most a step behind the node) and hence `|b| ≤ 1.02M`, the bound is `|r|·u·(5.1M + 5|o|)`. Both kinds
+/// of nodes get the larger one, as the difference costs nothing that can be measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slabs {
     /// Finite and never zero.
@@ -135,7 +142,7 @@ pub(crate) struct Slabs {
 impl Slabs {
     #[inline(always)]
     pub(crate) fn new(ray: &RaySetup, magnitude: f32) -> Self {
-        // Twice the bound above, which also covers forming the offsets themselves.
+        // Half more than the bound above, for the terms of second order.
         let pad = (ray.origin.abs() + magnitude) * (4.0 * f32::EPSILON);
         Self::padded(ray, pad, pad)
     }

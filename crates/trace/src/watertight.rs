@@ -164,7 +164,7 @@ pub(crate) fn decide(corners: [f32; 9], along: f32) -> Option<Hit> {
 /// the quotient each: t·d.z is within 12u·L of p.z − o.z, and the ray at the computed t within
 /// 17u·L of p in every axis.
 ///
-/// The slabs' own arithmetic errs by less than u·(2M + 4|o|) for coordinates up to M ([`Slabs::new`]
+/// The slabs' own arithmetic errs by less than u·(5.1M + 5|o|) for coordinates up to M ([`Slabs`]
 /// has the terms). With that and 5u·L in the offsets, every box that contains p is entered before
 /// it is left; with that and 17u·L in those of the planes where the ray enters, it is also
 /// entered no later than at the computed t, so that no hit found before hides it. Traversal
@@ -177,7 +177,7 @@ pub(crate) fn decide(corners: [f32; 9], along: f32) -> Option<Hit> {
 #[inline(always)]
 pub(crate) fn slabs(ray: &RaySetup, scale: &SceneScale) -> Slabs {
     // Each a little more, for the terms of second order and forming the offsets.
-    const OWN: f32 = 2.5 * f32::EPSILON; // 5u
+    const OWN: f32 = 3.0 * f32::EPSILON; // 6u
     const NEAR: f32 = 9.0 * f32::EPSILON; // 18u
     const FAR: f32 = 3.0 * f32::EPSILON; // 6u
     let reach = reach(ray, scale);

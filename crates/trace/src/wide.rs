@@ -31,10 +31,10 @@ pub struct WideScene<const W: usize = 8> {
     kernel: Kernel,
 }
 
-/// What the kernels read.
+/// What the kernels read, with nodes of either kind.
 #[derive(Debug)]
-pub(crate) struct Layout<const W: usize> {
-    pub(crate) nodes: Vec<WideNode<W>>,
+pub(crate) struct Layout<const W: usize, N = WideNode<W>> {
+    pub(crate) nodes: Vec<N>,
     pub(crate) mode: Mode,
     /// Per leaf of n triangles nine rows of n words: v0 x, y, z, e1 x, y, z, e2 x, y, z in the fast
     /// mode, v0, v1 and v2 in the watertight one, which needs corners that neighbours share. A leaf
@@ -46,6 +46,61 @@ pub(crate) struct Layout<const W: usize> {
     pub(crate) prim_ids: Vec<u32>,
     pub(crate) scale: SceneScale,
     pub(crate) stack_bound: usize,
+}
+
+impl<const W: usize> Layout<W> {
+    /// Lays the triangles of a collapsed tree out, scaled as its nodes.
+    pub(crate) fn new(
+        mode: Mode,
+        bvh: WideBvh<W>,
+        mesh: &TriangleMesh,
+    ) -> Result<Self, SceneError> {
+        let scale = SceneScale::of(&bvh.bounds());
+        let stack_bound = bvh.stack_bound();
+        let (mut nodes, prim_ids) = bvh.into_parts();
+        // Vectors may read past the end of the last leaf.
+        let mut triangles = vec![0.0; WORDS * prim_ids.len() + W];
+        prefer_large_pages(&triangles);
+        // The leaves of consecutive nodes have consecutive references: one share of the words per
+        // chunk of nodes.
+        let mut rest = triangles.as_mut_slice();
+        let shares: Vec<_> = nodes
+            .chunks(NODE_CHUNK)
+            .map(|chunk| {
+                let prims: usize = chunk.iter().map(|node| node.prim_count as usize).sum();
+                let (share, after) = std::mem::take(&mut rest).split_at_mut(WORDS * prims);
+                rest = after;
+                (chunk, share)
+            })
+            .collect();
+        shares
+            .into_par_iter()
+            .try_for_each(|(chunk, share)| fill(mode, share, chunk, &prim_ids, mesh, scale))?;
+        if scale.factor != 1.0 {
+            nodes.par_iter_mut().with_min_len(NODE_CHUNK).for_each(|node| {
+                for plane in node.bounds.as_flattened_mut() {
+                    *plane *= scale.factor;
+                }
+            });
+        }
+        Ok(Self { nodes, mode, triangles, prim_ids, scale, stack_bound })
+    }
+}
+
+impl<const W: usize, N> Layout<W, N> {
+    /// Bytes that nodes, triangles and ids take.
+    pub(crate) const fn bytes(&self) -> usize {
+        size_of::<N>() * self.nodes.len()
+            + size_of::<f32>() * (self.triangles.len() + self.prim_ids.len())
+    }
+
+    /// True if the rays are better answered in turns than one by one.
+    #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "kernels of x86-64"))]
+    pub(crate) fn takes_turns(&self, rays: &[Ray]) -> bool {
+        rays.len() >= batches::LEAST
+            && !self.nodes.is_empty()
+            && self.stack_bound <= batches::DEEPEST
+    }
 }
 
 /// Words that a triangle takes in [`WideScene::triangles`].
@@ -90,35 +145,7 @@ impl<const W: usize> WideScene<W> {
     /// # Errors
     /// As [`WideScene::build_from`].
     pub fn build_in(mode: Mode, bvh: WideBvh<W>, mesh: &TriangleMesh) -> Result<Self, SceneError> {
-        let scale = SceneScale::of(&bvh.bounds());
-        let stack_bound = bvh.stack_bound();
-        let (mut nodes, prim_ids) = bvh.into_parts();
-        // Vectors may read past the end of the last leaf.
-        let mut triangles = vec![0.0; WORDS * prim_ids.len() + W];
-        prefer_large_pages(&triangles);
-        // The leaves of consecutive nodes have consecutive references: one share of the words per
-        // chunk of nodes.
-        let mut rest = triangles.as_mut_slice();
-        let shares: Vec<_> = nodes
-            .chunks(NODE_CHUNK)
-            .map(|chunk| {
-                let prims: usize = chunk.iter().map(|node| node.prim_count as usize).sum();
-                let (share, after) = std::mem::take(&mut rest).split_at_mut(WORDS * prims);
-                rest = after;
-                (chunk, share)
-            })
-            .collect();
-        shares
-            .into_par_iter()
-            .try_for_each(|(chunk, share)| fill(mode, share, chunk, &prim_ids, mesh, scale))?;
-        if scale.factor != 1.0 {
-            nodes.par_iter_mut().with_min_len(NODE_CHUNK).for_each(|node| {
-                for plane in node.bounds.as_flattened_mut() {
-                    *plane *= scale.factor;
-                }
-            });
-        }
-        let layout = Arc::new(Layout { nodes, mode, triangles, prim_ids, scale, stack_bound });
+        let layout = Arc::new(Layout::new(mode, bvh, mesh)?);
         let kernel = Self::kernels().pop().unwrap_or(Kernel::Scalar);
         Ok(Self { layout, kernel })
     }
@@ -156,8 +183,7 @@ impl<const W: usize> WideScene<W> {
     /// Bytes that nodes and triangles take.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of::<WideNode<W>>() * self.layout.nodes.len()
-            + size_of::<f32>() * (self.layout.triangles.len() + self.layout.prim_ids.len())
+        self.layout.bytes()
     }
 
     /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
@@ -166,7 +192,7 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
         let closest = Closest::new(setup.t_max);
-        let hit = scalar::trace::<W, false, _, _>(&self.layout, &setup, closest, &mut counts);
+        let hit = scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut counts);
         (setup.finish(hit), counts)
     }
 
@@ -176,16 +202,8 @@ impl<const W: usize> WideScene<W> {
         let mut counts = Counts::default();
         let Some(setup) = self.setup(ray) else { return (false, counts) };
         let first = First::default();
-        let is_hit = scalar::trace::<W, true, _, _>(&self.layout, &setup, first, &mut counts);
+        let is_hit = scalar::trace::<W, true, _, _, _>(&self.layout, &setup, first, &mut counts);
         (is_hit, counts)
-    }
-
-    /// True if the rays are better answered in turns than one by one.
-    #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "kernels of x86-64"))]
-    fn takes_turns(&self, rays: &[Ray]) -> bool {
-        rays.len() >= batches::LEAST
-            && !self.layout.nodes.is_empty()
-            && self.layout.stack_bound <= batches::DEEPEST
     }
 
     /// What the kernels need of a ray; `None` if there is nothing that it could hit.
@@ -238,10 +256,11 @@ fn fill<const W: usize>(
     Ok(())
 }
 
-/// Answers rays by the kernels of one width.
+/// Answers rays to a scene by the kernels of one width: the modules `$fast` and `$watertight` of each
+/// `$module`.
 macro_rules! intersector {
-    ($width:literal, $($kernel:ident => $module:ident),+) => {
-        impl WideScene<$width> {
+    ($scene:ident, $width:literal, $fast:ident, $watertight:ident, $($kernel:ident => $module:ident),+) => {
+        impl $scene<$width> {
             #[inline(always)]
             fn closest<V: Visitor>(
                 &self,
@@ -254,15 +273,15 @@ macro_rules! intersector {
                         // `setup` made sure that there are nodes.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Fast) => unsafe {
-                            $module::fast::closest(&self.layout, setup, visitor)
+                            $module::$fast::closest(&self.layout, setup, visitor)
                         },
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Watertight) => unsafe {
-                            $module::watertight::closest(&self.layout, setup, visitor)
+                            $module::$watertight::closest(&self.layout, setup, visitor)
                         },
                     )+
-                    _ => scalar::trace::<$width, false, _, _>(
+                    _ => scalar::trace::<$width, false, _, _, _>(
                         &self.layout, setup, visitor(), &mut (),
                     ),
                 }
@@ -279,22 +298,22 @@ macro_rules! intersector {
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Fast) => unsafe {
-                            $module::fast::any(&self.layout, setup, visitor)
+                            $module::$fast::any(&self.layout, setup, visitor)
                         },
                         // SAFETY: as above.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Watertight) => unsafe {
-                            $module::watertight::any(&self.layout, setup, visitor)
+                            $module::$watertight::any(&self.layout, setup, visitor)
                         },
                     )+
-                    _ => scalar::trace::<$width, true, _, _>(
+                    _ => scalar::trace::<$width, true, _, _, _>(
                         &self.layout, setup, visitor(), &mut (),
                     ),
                 }
             }
         }
 
-        impl Intersector for WideScene<$width> {
+        impl Intersector for $scene<$width> {
             fn closest_hit(&self, ray: &Ray) -> Hit {
                 let Some(setup) = self.setup(ray) else { return Hit::MISS };
                 setup.finish(self.closest(&setup, || Closest::new(setup.t_max)))
@@ -307,18 +326,18 @@ macro_rules! intersector {
 
             fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit]) {
                 assert_eq!(rays.len(), hits.len(), "one hit slot per ray");
-                let many = self.takes_turns(rays);
+                let many = self.layout.takes_turns(rays);
                 match (self.kernel, self.layout.mode) {
                     $(
                         // SAFETY: as above, with nodes.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Fast) if many => unsafe {
-                            $module::fast::closest_batch(&self.layout, rays, hits);
+                            $module::$fast::closest_batch(&self.layout, rays, hits);
                         },
                         // SAFETY: as above, with nodes.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Watertight) if many => unsafe {
-                            $module::watertight::closest_batch(&self.layout, rays, hits);
+                            $module::$watertight::closest_batch(&self.layout, rays, hits);
                         },
                     )+
                     _ => {
@@ -331,18 +350,18 @@ macro_rules! intersector {
 
             fn any_hits(&self, rays: &[Ray], occluded: &mut [bool]) {
                 assert_eq!(rays.len(), occluded.len(), "one flag per ray");
-                let many = self.takes_turns(rays);
+                let many = self.layout.takes_turns(rays);
                 match (self.kernel, self.layout.mode) {
                     $(
                         // SAFETY: as above, with nodes.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Fast) if many => unsafe {
-                            $module::fast::any_batch(&self.layout, rays, occluded);
+                            $module::$fast::any_batch(&self.layout, rays, occluded);
                         },
                         // SAFETY: as above, with nodes.
                         #[cfg(target_arch = "x86_64")]
                         (Kernel::$kernel, Mode::Watertight) if many => unsafe {
-                            $module::watertight::any_batch(&self.layout, rays, occluded);
+                            $module::$watertight::any_batch(&self.layout, rays, occluded);
                         },
                     )+
                     _ => {
@@ -354,7 +373,7 @@ macro_rules! intersector {
             }
         }
 
-        impl Traverse for WideScene<$width> {
+        impl Traverse for $scene<$width> {
             fn visit<V: Visitor>(
                 &self,
                 ray: &Ray,
@@ -374,10 +393,12 @@ macro_rules! intersector {
             }
         }
 
-        impl HitQueries for WideScene<$width> {}
+        impl HitQueries for $scene<$width> {}
     };
 }
 
-intersector!(4, Avx2 => avx2_4);
-intersector!(8, Avx512 => avx512, Avx2 => avx2);
-intersector!(16, Avx512 => avx512_16);
+pub(crate) use intersector;
+
+intersector!(WideScene, 4, fast, watertight, Avx2 => avx2_4);
+intersector!(WideScene, 8, fast, watertight, Avx512 => avx512, Avx2 => avx2);
+intersector!(WideScene, 16, fast, watertight, Avx512 => avx512_16);

@@ -6,18 +6,21 @@ use niwaki_core::{
 };
 use niwaki_exact::{Verdict, closest_in_mesh, settle, settle_any, t_error_bound};
 use niwaki_hard_cases::{self as hard, median_tree, soup_mesh};
-use niwaki_trace::{BinaryScene, Kernel, WideScene, brute_force};
-use niwaki_wide::{CollapseSettings, WideBvh};
+use niwaki_trace::{BinaryScene, Kernel, QuantisedScene, WideScene, brute_force};
+use niwaki_wide::{CollapseMethod, CollapseSettings, WideBvh};
 
 /// All kernels over a mesh, by name.
 fn kernels(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Intersector>)> {
     let bvh = median_tree(mesh, leaf);
     let wide = WideScene::new(&bvh, mesh).unwrap();
+    let quantised = QuantisedScene::new(&bvh, mesh).unwrap();
     let mut all: Vec<(String, Box<dyn Intersector>)> =
         vec![("binary".to_owned(), Box::new(BinaryScene::new(&bvh, mesh).unwrap()))];
     for kernel in Kernel::available() {
         let scene = wide.clone().with_kernel(kernel).unwrap();
         all.push((kernel.to_string(), Box::new(scene)));
+        let scene = quantised.clone().with_kernel(kernel).unwrap();
+        all.push((format!("{kernel}, quantised"), Box::new(scene)));
     }
     for settings in [CollapseSettings::greedy(), CollapseSettings::optimal()] {
         add_width::<4>(&bvh, mesh, &settings, &mut all);
@@ -34,12 +37,18 @@ fn add_width<const W: usize>(
     all: &mut Vec<(String, Box<dyn Intersector>)>,
 ) where
     WideScene<W>: Intersector + 'static,
+    QuantisedScene<W>: Intersector + 'static,
 {
     let wide = WideBvh::<W>::collapse(bvh, settings).unwrap();
+    let quantised = QuantisedScene::build_from(wide.clone(), mesh).unwrap();
     let scene = WideScene::build_from(wide, mesh).unwrap();
     for kernel in WideScene::<W>::kernels() {
         let name = format!("{kernel}, {W} wide, {:?}", settings.method);
-        all.push((name, Box::new(scene.clone().with_kernel(kernel).unwrap())));
+        all.push((name.clone(), Box::new(scene.clone().with_kernel(kernel).unwrap())));
+        if settings.method == CollapseMethod::Optimal {
+            let quantised = quantised.clone().with_kernel(kernel).unwrap();
+            all.push((name + ", quantised", Box::new(quantised)));
+        }
     }
 }
 
@@ -163,7 +172,9 @@ fn no_kernel_contradicts_exact_arithmetic_on_the_hard_cases() {
         let bvh = median_tree(mesh, 2);
         let best = WideScene::new(&bvh, mesh).unwrap();
         let binary = BinaryScene::new(&bvh, mesh).unwrap();
-        let scenes: [(&str, &dyn Intersector); 2] = [("best", &best), ("binary", &binary)];
+        let quantised = QuantisedScene::new(&bvh, mesh).unwrap();
+        let scenes: [(&str, &dyn Intersector); 3] =
+            [("best", &best), ("binary", &binary), ("quantised", &quantised)];
         let mut rays = hard::rays(mesh, 10, 21);
         rays.extend(hard::aimed_at_borders(mesh, 30, 22));
         for ray in &rays {

@@ -6,7 +6,7 @@ use niwaki_core::{
     glam::{DVec3, Vec3},
 };
 use niwaki_hard_cases::{self as hard, closed_star, median_tree, soup_mesh};
-use niwaki_trace::{BinaryScene, Mode, WideScene, brute_force, brute_force_in};
+use niwaki_trace::{BinaryScene, Mode, QuantisedScene, WideScene, brute_force, brute_force_in};
 use niwaki_wide::{CollapseSettings, WideBvh};
 use proptest::prelude::*;
 
@@ -29,12 +29,16 @@ fn add_width<const W: usize>(
     all: &mut Vec<(String, Box<dyn Intersector>)>,
 ) where
     WideScene<W>: Intersector + 'static,
+    QuantisedScene<W>: Intersector + 'static,
 {
     let wide = WideBvh::<W>::collapse(bvh, &CollapseSettings::default()).unwrap();
+    let quantised = QuantisedScene::build_in(Mode::Watertight, wide.clone(), mesh).unwrap();
     let scene = WideScene::build_in(Mode::Watertight, wide, mesh).unwrap();
     for kernel in WideScene::<W>::kernels() {
         let name = format!("{kernel}, {W} wide");
-        all.push((name, Box::new(scene.clone().with_kernel(kernel).unwrap())));
+        all.push((name.clone(), Box::new(scene.clone().with_kernel(kernel).unwrap())));
+        let quantised = quantised.clone().with_kernel(kernel).unwrap();
+        all.push((name + ", quantised", Box::new(quantised)));
     }
 }
 
@@ -308,6 +312,7 @@ proptest! {
         let indices = vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
         let mesh = TriangleMesh::new(v.to_vec(), indices).unwrap();
         let wide = WideScene::new(&median_tree(&mesh, 1), &mesh).unwrap();
+        let quantised = QuantisedScene::new(&median_tree(&mesh, 1), &mesh).unwrap();
         let aims = [v[0], v[3], v[0] + (v[1] - v[0]) * edge, v[2] + (v[3] - v[2]) * edge];
         let directions = aims.map(|aim| aim - origin).into_iter().chain([Vec3::from(along)]);
         for direction in directions.filter(|d| *d != Vec3::ZERO) {
@@ -316,6 +321,8 @@ proptest! {
             prop_assert!(hit.is_hit(), "{ray:?} leaks");
             for kernel in WideScene::<8>::kernels() {
                 let found = wide.clone().with_kernel(kernel).unwrap().closest_hit(&ray);
+                prop_assert_eq!(bits(&found), bits(&hit));
+                let found = quantised.clone().with_kernel(kernel).unwrap().closest_hit(&ray);
                 prop_assert_eq!(bits(&found), bits(&hit));
             }
         }

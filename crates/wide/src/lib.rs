@@ -35,6 +35,9 @@
 //! vector unit tests them at about the price of one. [`WideCosts`] says what a node, a leaf and a
 //! reference cost.
 //!
+//! [`QuantisedNode`] is a node of half the size, whose boxes are rounded outward to a grid of 256
+//! steps an axis.
+//!
 //! The result does not depend on the number of threads, and no input can make it recurse: nodes
 //! are laid out breadth first, one level of the wide tree after the other.
 //!
@@ -48,11 +51,13 @@ mod greedy;
 mod node;
 mod optimal;
 mod parts;
+mod quantised;
 mod settings;
 
 pub use error::CollapseError;
 pub use node::{Bvh4, Bvh8, Bvh16, Child, Node4, Node8, Node16, WideBvh, WideNode};
 pub use parts::PartsError;
+pub use quantised::{QuantisedNode, QuantisedNode4, QuantisedNode8, QuantisedNode16};
 pub use settings::{CollapseMethod, CollapseSettings, WideCosts};
 
 #[cfg(doctest)]

@@ -188,13 +188,11 @@ pub(crate) fn own_structures(source: Source, robust: bool) -> usize {
     }
 }
 
-/// The kernels by the layout that they share: trees of one width in one mode.
+/// The kernels by the layout that they share.
 pub(crate) fn layouts(kernels: &[TraceKernel]) -> Vec<Vec<TraceKernel>> {
     let mut layouts: Vec<Vec<TraceKernel>> = Vec::new();
     for &kernel in kernels {
-        let same = |layout: &&mut Vec<TraceKernel>| {
-            (layout[0].mode, layout[0].width) == (kernel.mode, kernel.width)
-        };
+        let same = |layout: &&mut Vec<TraceKernel>| layout[0].layout() == kernel.layout();
         match layouts.iter_mut().find(same) {
             Some(layout) => layout.push(kernel),
             None => layouts.push(vec![kernel]),

@@ -2,7 +2,7 @@
 
 use crate::kernel::TraceKernel;
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_trace::{BinaryScene, Mode, SceneError, WideScene, brute_force_in};
+use niwaki_trace::{BinaryScene, Mode, QuantisedScene, SceneError, WideScene, brute_force_in};
 
 /// Every triangle tested for every ray.
 pub(crate) struct BruteForce<'a>(pub(crate) Mode, pub(crate) &'a TriangleMesh);
@@ -17,7 +17,8 @@ impl Intersector for BruteForce<'_> {
 }
 
 /// Calls `f` with every kernel that this processor can run over the tree, its name and its mode:
-/// in each mode the binary reference, then the 8-wide ones, slowest first.
+/// in each mode the binary reference, then the 8-wide ones, slowest first, and the fastest over
+/// quantised nodes.
 pub(crate) fn each_kernel(
     bvh: &Bvh,
     mesh: &TriangleMesh,
@@ -27,9 +28,15 @@ pub(crate) fn each_kernel(
         let name = if mode == Mode::default() { "binary" } else { "binary_fast" };
         f(name, mode, &BinaryScene::new_in(mode, bvh, mesh)?);
         let mut wide = WideScene::new_in(mode, bvh, mesh)?;
+        let mut quantised = QuantisedScene::new_in(mode, bvh, mesh)?;
         for kernel in TraceKernel::available().into_iter().filter(|kernel| kernel.mode == mode) {
-            wide = wide.with_kernel(kernel.kernel)?;
-            f(&kernel.name(), mode, &wide);
+            if kernel.quantised {
+                quantised = quantised.with_kernel(kernel.kernel)?;
+                f(&kernel.name(), mode, &quantised);
+            } else {
+                wide = wide.with_kernel(kernel.kernel)?;
+                f(&kernel.name(), mode, &wide);
+            }
         }
     }
     Ok(())

@@ -2,7 +2,9 @@
 
 use super::{
     batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
+    quantised_boxes::define_quantised_boxes,
     simd::define_traversal,
+    simd_boxes::define_full_boxes,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
     sort::sort4,
@@ -23,7 +25,7 @@ use std::arch::x86_64::*;
 pub(crate) mod fast {
     use super::*;
 
-    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_fast_corners);
+    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_full_boxes, define_fast_corners);
     define_batches!("avx2,fma,bmi1,bmi2,popcnt");
 }
 
@@ -32,7 +34,31 @@ pub(crate) mod watertight {
     use super::*;
     use crate::watertight::{self, CERTAIN, Sheared};
 
-    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_watertight_corners);
+    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_full_boxes, define_watertight_corners);
+    define_batches!("avx2,fma,bmi1,bmi2,popcnt");
+}
+
+/// For quantised scenes in [`crate::Mode::Fast`].
+pub(crate) mod quantised_fast {
+    use super::*;
+    use niwaki_wide::QuantisedNode4 as Node;
+
+    define_traversal!("avx2,fma,bmi1,bmi2,popcnt", 4, define_quantised_boxes, define_fast_corners);
+    define_batches!("avx2,fma,bmi1,bmi2,popcnt");
+}
+
+/// For quantised scenes in [`crate::Mode::Watertight`].
+pub(crate) mod quantised_watertight {
+    use super::*;
+    use crate::watertight::{self, CERTAIN, Sheared};
+    use niwaki_wide::QuantisedNode4 as Node;
+
+    define_traversal!(
+        "avx2,fma,bmi1,bmi2,popcnt",
+        4,
+        define_quantised_boxes,
+        define_watertight_corners
+    );
     define_batches!("avx2,fma,bmi1,bmi2,popcnt");
 }
 
@@ -53,13 +79,8 @@ fn sorted_keys(keys: __m128i, mask: u32) -> __m128i {
     sort4(_mm_blendv_epi8(_mm_set1_epi32(i32::MAX), keys, selected))
 }
 
-/// The keys of the lanes with `enter ≤ leave`, sorted upwards; the largest integer in the others.
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
-#[inline]
-fn sorted_where(keys: __m128i, enter: __m128, leave: __m128) -> __m128i {
-    let others = _mm_castps_si128(_mm_cmpnle_ps(enter, leave));
-    sort4(_mm_blendv_epi8(keys, _mm_set1_epi32(i32::MAX), others))
-}
+/// For batches: without a branch, as [`sorted_keys`] is.
+use sorted_keys as sorted_where;
 
 /// The children of the lanes in `mask`, at the front.
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]

@@ -2,7 +2,9 @@
 
 use super::{
     batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
+    quantised_boxes::define_quantised_boxes,
     simd::define_traversal,
+    simd_boxes::define_full_boxes,
     simd_fast::define_fast_corners,
     simd_watertight::define_watertight_corners,
     sort::{sort4, sort8, sort16},
@@ -23,7 +25,12 @@ use std::arch::x86_64::*;
 pub(crate) mod fast {
     use super::*;
 
-    define_traversal!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 16, define_fast_corners);
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        16,
+        define_full_boxes,
+        define_fast_corners
+    );
     define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
 }
 
@@ -35,6 +42,36 @@ pub(crate) mod watertight {
     define_traversal!(
         "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
         16,
+        define_full_boxes,
+        define_watertight_corners
+    );
+    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
+}
+
+/// For quantised scenes in [`crate::Mode::Fast`].
+pub(crate) mod quantised_fast {
+    use super::*;
+    use niwaki_wide::QuantisedNode16 as Node;
+
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        16,
+        define_quantised_boxes,
+        define_fast_corners
+    );
+    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
+}
+
+/// For quantised scenes in [`crate::Mode::Watertight`].
+pub(crate) mod quantised_watertight {
+    use super::*;
+    use crate::watertight::{self, CERTAIN, Sheared};
+    use niwaki_wide::QuantisedNode16 as Node;
+
+    define_traversal!(
+        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
+        16,
+        define_quantised_boxes,
         define_watertight_corners
     );
     define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
@@ -77,12 +114,14 @@ fn sort_by_rank(keys: __m512i, count: u32) -> __m512i {
     unsafe { _mm512_loadu_si512(sorted.as_ptr().cast()) }
 }
 
-/// The keys of the lanes with `enter ≤ leave`, sorted upwards; the largest integer in the others.
+/// The keys of the lanes in `mask`, sorted upwards, without a branch: the others become the largest
+/// integer.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]
 #[inline]
-fn sorted_where(keys: __m512i, enter: __m512, leave: __m512) -> __m512i {
-    let hit = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(enter, leave);
-    sort16(_mm512_mask_mov_epi32(_mm512_set1_epi32(i32::MAX), hit, keys))
+fn sorted_where(keys: __m512i, mask: u32) -> __m512i {
+    #[expect(clippy::cast_possible_truncation, reason = "a mask of sixteen lanes")]
+    let mask = mask as u16;
+    sort16(_mm512_mask_mov_epi32(_mm512_set1_epi32(i32::MAX), mask, keys))
 }
 
 /// The children of the lanes in `mask`, at the front.

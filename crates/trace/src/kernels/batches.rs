@@ -92,9 +92,9 @@ impl<'a> Waiting<'a> {
 
 /// Defines `closest_batch` and `any_batch` in a module in which `define_traversal` was used.
 ///
-/// Needs besides, with the same features: `sorted_where(keys, enter, leave) -> Ints`, the keys of
-/// the lanes with `enter ≤ leave` sorted upwards as signed integers, which must be negative, and
-/// behind them, for the other lanes, the largest integer.
+/// Needs besides, with the same features: `sorted_where(keys, mask) -> Ints`, the keys of the
+/// lanes in a mask, which are negative, sorted upwards as signed integers, and behind them, for the
+/// other lanes, the largest integer.
 macro_rules! define_batches {
     ($features:literal) => {
         /// A ray on its way.
@@ -126,7 +126,11 @@ macro_rules! define_batches {
         /// The processor must have the instructions, and the scene nodes; there must be as many
         /// hits as rays.
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn closest_batch(scene: &Layout<W>, rays: &[Ray], hits: &mut [Hit]) {
+        pub(crate) unsafe fn closest_batch(
+            scene: &Layout<W, Node>,
+            rays: &[Ray],
+            hits: &mut [Hit],
+        ) {
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
             let prim_ids = scene.prim_ids.as_ptr();
@@ -162,10 +166,10 @@ macro_rules! define_batches {
                     let node = unsafe { nodes.add(flight.word as usize * size_of::<Node>()) };
                     let (ray, t_max) = (Lanes::new(&flight.ray), splat(flight.t_max));
                     // SAFETY: as above.
-                    let (enter, leave) = unsafe { ray.boxes(node, t_max) };
+                    let (enter, mask) = unsafe { ray.boxes(node, t_max) };
                     // Complements, so that the farthest sorts first and the nearest is popped.
                     let keys = or_ints(and_not_ints(as_ints(enter), distance_bits), lane_ids);
-                    let keys = sorted_where(keys, enter, leave);
+                    let keys = sorted_where(keys, mask);
                     let depth = flight.depth;
                     // SAFETY: the children's words follow six rows; the stacks have room for all
                     // entries that the depth of the tree allows, and a vector more.
@@ -173,7 +177,7 @@ macro_rules! define_batches {
                         let children = permute(load_ints(node.add(CHILDREN).cast()), keys);
                         store_ints(children_at.add(depth).cast(), children);
                         store_ints(keys_at.add(depth).cast(), keys);
-                        let depth = depth + hit_mask(enter, leave).count_ones() as usize - 1;
+                        let depth = depth + mask.count_ones() as usize - 1;
                         flight.depth = depth;
                         *children_at.add(depth)
                     };
@@ -282,7 +286,11 @@ macro_rules! define_batches {
         /// # Safety
         /// As for [`closest_batch`].
         #[target_feature(enable = $features)]
-        pub(crate) unsafe fn any_batch(scene: &Layout<W>, rays: &[Ray], occluded: &mut [bool]) {
+        pub(crate) unsafe fn any_batch(
+            scene: &Layout<W, Node>,
+            rays: &[Ray],
+            occluded: &mut [bool],
+        ) {
             let nodes: *const u8 = scene.nodes.as_ptr().cast();
             let triangles = scene.triangles.as_ptr();
             occluded.fill(false);
@@ -309,8 +317,7 @@ macro_rules! define_batches {
                     let node = unsafe { nodes.add(flight.word as usize * size_of::<Node>()) };
                     let (ray, t_max) = (Lanes::new(&flight.ray), splat(flight.t_max));
                     // SAFETY: as above.
-                    let (enter, leave) = unsafe { ray.boxes(node, t_max) };
-                    let mask = hit_mask(enter, leave);
+                    let (_, mask) = unsafe { ray.boxes(node, t_max) };
                     let depth = flight.depth;
                     // SAFETY: the children's words follow six rows; the stack has room for all
                     // entries that the depth of the tree allows, and a vector more.

@@ -13,7 +13,11 @@ pub(crate) mod avx512_16;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod batches;
 #[cfg(target_arch = "x86_64")]
+mod quantised_boxes;
+#[cfg(target_arch = "x86_64")]
 mod simd;
+#[cfg(target_arch = "x86_64")]
+mod simd_boxes;
 #[cfg(target_arch = "x86_64")]
 mod simd_fast;
 #[cfg(target_arch = "x86_64")]

@@ -1,24 +1,23 @@
 //! The traversal that the x86-64 kernels share, as a macro: code compiled with target features
 //! must carry them in every function, so generics cannot share it.
 
-/// Defines `closest` and `any` for one instruction set, width and triangle test: the last comes
-/// from the macro `$define_corners`, which defines a struct `Corners` (see
+/// Defines `closest` and `any` for one instruction set, width, box test and triangle test. The
+/// macro `$define_boxes` defines a struct `Boxes` (see `define_full_boxes` and
+/// `define_quantised_boxes`), the macro `$define_corners` a struct `Corners` (see
 /// `define_fast_corners` and `define_watertight_corners`).
 ///
-/// Needs, in scope: the vector types `Floats` and `Ints` of as many lanes as the tree is wide, the
+/// Needs, in scope: the type `Node`, whose field `children` is aligned for vectors; the vector types `Floats` and `Ints` of as many lanes as the tree is wide, the
 /// intrinsics for them under the short names of `vectors128`, `vectors256` or `vectors512`; and
 /// with the same features `hit_mask(enter, leave) -> u32`, the lanes with `enter ≤ leave`;
 /// `sorted_keys(keys, mask) -> Ints`, the keys of the lanes in a mask of at least two, sorted
 /// upwards as signed integers; and `compacted(children, mask) -> Ints`, the children of the lanes
 /// in a mask, moved to the front.
 macro_rules! define_traversal {
-    ($features:literal, $width:literal, $define_corners:ident) => {
+    ($features:literal, $width:literal, $define_boxes:ident, $define_corners:ident) => {
         /// The width of the tree, and the lanes of a vector.
         const W: usize = $width;
-        /// Bytes of a row of planes.
-        const ROW: usize = 4 * W;
-        /// Where the words of the children stand in a node: behind six rows.
-        const CHILDREN: usize = 6 * ROW;
+        /// Where the words of the children stand in a node.
+        const CHILDREN: usize = std::mem::offset_of!(Node, children);
         /// The bits of a key that hold the lane.
         const LANE: u32 = $width - 1;
         /// Where the count of a leaf's word begins.
@@ -26,11 +25,7 @@ macro_rules! define_traversal {
 
         /// A ray in every lane.
         struct Lanes {
-            /// Offsets of the rows of planes that the ray enters through.
-            near: [usize; 3],
-            inverse: [Floats; 3],
-            near_offset: [Floats; 3],
-            far_offset: [Floats; 3],
+            boxes: Boxes,
             t_min: Floats,
             corners: Corners,
         }
@@ -53,8 +48,7 @@ macro_rules! define_traversal {
 
         /// A ray before it is in every lane: what [`Lanes`] are made of at the cost of a load each.
         struct Prepared {
-            near: [usize; 3],
-            slabs: Slabs,
+            boxes: PreparedBoxes,
             t_min: f32,
             corners: PreparedCorners,
         }
@@ -62,13 +56,11 @@ macro_rules! define_traversal {
         impl Prepared {
             #[inline(always)]
             fn new(setup: &RaySetup, scale: &SceneScale) -> Self {
-                let slabs = Corners::slabs(setup, scale);
-                let row = |axis: usize| {
-                    let inverse = slabs.inverse[axis];
-                    2 * ROW * axis + ROW * usize::from(inverse.is_sign_negative())
-                };
-                let near = [row(0), row(1), row(2)];
-                Self { near, slabs, t_min: setup.t_min, corners: Corners::prepare(setup) }
+                Self {
+                    boxes: Boxes::prepare(Corners::slabs(setup, scale)),
+                    t_min: setup.t_min,
+                    corners: Corners::prepare(setup),
+                }
             }
         }
 
@@ -76,38 +68,22 @@ macro_rules! define_traversal {
             #[target_feature(enable = $features)]
             #[inline]
             fn new(ray: &Prepared) -> Self {
-                let all = |v: Vec3A| [splat(v.x), splat(v.y), splat(v.z)];
                 Self {
-                    near: ray.near,
-                    inverse: all(ray.slabs.inverse),
-                    near_offset: all(ray.slabs.near_offset),
-                    far_offset: all(ray.slabs.far_offset),
+                    boxes: Boxes::new(&ray.boxes),
                     t_min: splat(ray.t_min),
                     corners: Corners::new(&ray.corners),
                 }
             }
 
-            /// Entry and exit distances of a node's boxes.
+            /// Where the ray enters a node's boxes, and those that it meets.
             ///
             /// # Safety
             /// `node` must point to a node.
             #[target_feature(enable = $features)]
             #[inline]
-            unsafe fn boxes(&self, node: *const u8, t_max: Floats) -> (Floats, Floats) {
-                // SAFETY: `near` holds the offsets of rows of a node, or those with one bit
-                // changed that leads to the other row of the axis; rows are aligned.
-                let row = |offset: usize| unsafe { load(node.add(offset).cast()) };
-                let near = |axis: usize| {
-                    let row = row(self.near[axis]);
-                    mul_add(row, self.inverse[axis], self.near_offset[axis])
-                };
-                let far = |axis: usize| {
-                    let row = row(self.near[axis] ^ ROW);
-                    mul_add(row, self.inverse[axis], self.far_offset[axis])
-                };
-                let enter = max(max(near(0), near(1)), max(near(2), self.t_min));
-                let leave = min(min(far(0), far(1)), min(far(2), t_max));
-                (enter, leave)
+            unsafe fn boxes(&self, node: *const u8, t_max: Floats) -> (Floats, u32) {
+                // SAFETY: as promised.
+                unsafe { self.boxes.test(node, self.t_min, t_max) }
             }
 
             /// Tests the triangles of a leaf.
@@ -133,6 +109,7 @@ macro_rules! define_traversal {
             }
         }
 
+        $define_boxes!($features);
         $define_corners!($features);
 
         /// Lane `i` of a vector.
@@ -165,7 +142,7 @@ macro_rules! define_traversal {
         /// The processor must have the instructions, and the scene nodes.
         #[target_feature(enable = $features)]
         pub(crate) unsafe fn closest<V: Visitor>(
-            scene: &Layout<W>,
+            scene: &Layout<W, Node>,
             setup: &RaySetup,
             visitor: impl FnOnce() -> V,
         ) -> V::Answer {
@@ -182,7 +159,7 @@ macro_rules! define_traversal {
         #[cold]
         #[inline(never)]
         unsafe fn closest_with_care<V: Visitor>(
-            scene: &Layout<W>,
+            scene: &Layout<W, Node>,
             setup: &RaySetup,
             visitor: V,
         ) -> V::Answer {
@@ -193,7 +170,7 @@ macro_rules! define_traversal {
         #[target_feature(enable = $features)]
         #[inline]
         unsafe fn closest_as<const CAREFUL: bool, V: Visitor>(
-            scene: &Layout<W>,
+            scene: &Layout<W, Node>,
             setup: &RaySetup,
             visitor: impl FnOnce() -> V,
         ) -> V::Answer {
@@ -220,12 +197,11 @@ macro_rules! define_traversal {
                     // SAFETY: the words of nodes in a tree are indices of its nodes.
                     let node = unsafe { nodes.add((word as usize) * size_of::<Node>()) };
                     // SAFETY: as above.
-                    let (enter, leave) = unsafe { ray.boxes(node, t_max) };
-                    let mask = hit_mask(enter, leave);
+                    let (enter, mask) = unsafe { ray.boxes(node, t_max) };
                     if mask == 0 {
                         break;
                     }
-                    // SAFETY: the children's words follow six rows.
+                    // SAFETY: the words of a node's children.
                     let children = unsafe { load_ints(node.add(CHILDREN).cast()) };
                     if mask & (mask - 1) == 0 {
                         // SAFETY: a lane below eight.
@@ -313,7 +289,7 @@ macro_rules! define_traversal {
         /// As for [`closest`].
         #[target_feature(enable = $features)]
         pub(crate) unsafe fn any<V: Visitor>(
-            scene: &Layout<W>,
+            scene: &Layout<W, Node>,
             setup: &RaySetup,
             visitor: impl FnOnce() -> V,
         ) -> V::Answer {
@@ -326,7 +302,7 @@ macro_rules! define_traversal {
         #[cold]
         #[inline(never)]
         unsafe fn any_with_care<V: Visitor>(
-            scene: &Layout<W>,
+            scene: &Layout<W, Node>,
             setup: &RaySetup,
             visitor: V,
         ) -> V::Answer {
@@ -337,7 +313,7 @@ macro_rules! define_traversal {
         #[target_feature(enable = $features)]
         #[inline]
         unsafe fn any_as<const CAREFUL: bool, V: Visitor>(
-            scene: &Layout<W>,
+            scene: &Layout<W, Node>,
             setup: &RaySetup,
             visitor: impl FnOnce() -> V,
         ) -> V::Answer {
@@ -356,10 +332,8 @@ macro_rules! define_traversal {
                     // SAFETY: the words of nodes in a tree are indices of its nodes.
                     let node = unsafe { nodes.add((word as usize) * size_of::<Node>()) };
                     // SAFETY: as above.
-                    let (enter, leave) = unsafe { ray.boxes(node, t_max) };
-                    let mask = hit_mask(enter, leave);
-                    // SAFETY: the children's words follow six rows; the stack has
-                    // room for all entries that the depth of the tree allows, and a vector more.
+                    let (_, mask) = unsafe { ray.boxes(node, t_max) };
+                    // SAFETY: a node's words; the stack has room for all entries that the depth of the tree allows, and a vector more.
                     unsafe {
                         let children = load_ints(node.add(CHILDREN).cast());
                         let hit = compacted(children, mask);

@@ -14,7 +14,8 @@ pub(crate) mod vectors128 {
         _mm_sub_epi32 as sub_ints, _mm_sub_ps as sub, _mm_xor_ps as xor,
     };
     use std::arch::x86_64::{
-        _mm_castps_si128, _mm_castsi128_ps, _mm_permutevar_ps, _mm_setr_epi32,
+        _mm_castps_si128, _mm_castsi128_ps, _mm_cvtepi32_ps, _mm_cvtepu8_epi32, _mm_cvtsi32_si128,
+        _mm_permutevar_ps, _mm_setr_epi32,
     };
 
     /// The lanes that `lanes` names in its two lowest bits.
@@ -30,6 +31,18 @@ pub(crate) mod vectors128 {
         v
     }
 
+    /// Four bytes as numbers.
+    ///
+    /// # Safety
+    /// They must be readable.
+    #[target_feature(enable = "sse4.1")]
+    #[inline]
+    pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
+        // SAFETY: as promised.
+        let word = unsafe { bytes.cast::<i32>().read_unaligned() };
+        _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(word)))
+    }
+
     /// Each lane's number.
     #[target_feature(enable = "sse2")]
     #[inline]
@@ -40,7 +53,6 @@ pub(crate) mod vectors128 {
 
 /// Eight lanes: AVX2 and FMA.
 pub(crate) mod vectors256 {
-    use std::arch::x86_64::_mm256_setr_epi32;
     pub(crate) use std::arch::x86_64::{
         __m256 as Floats, __m256i as Ints, _mm256_add_ps as add, _mm256_and_ps as and,
         _mm256_and_si256 as and_ints, _mm256_andnot_ps as and_not,
@@ -55,12 +67,33 @@ pub(crate) mod vectors256 {
         _mm256_storeu_si256 as store_ints, _mm256_sub_epi32 as sub_ints, _mm256_sub_ps as sub,
         _mm256_xor_ps as xor,
     };
+    use std::arch::x86_64::{
+        _mm_setr_epi8, _mm256_cvtepi32_ps, _mm256_set_m128i, _mm256_set1_epi64x, _mm256_setr_epi32,
+        _mm256_shuffle_epi8,
+    };
 
     /// Each lane's number.
     #[target_feature(enable = "avx")]
     #[inline]
     pub(crate) fn lane_ids() -> Ints {
         _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7)
+    }
+
+    /// Eight bytes as numbers.
+    ///
+    /// # Safety
+    /// They must be readable.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
+        // SAFETY: as promised.
+        let row = unsafe { bytes.cast::<i64>().read_unaligned() };
+        // To load the row into both halves and shuffle within them takes a cycle; instructions
+        // that zero-extend across them take three, on a port that is busy.
+        let first = _mm_setr_epi8(0, -1, -1, -1, 1, -1, -1, -1, 2, -1, -1, -1, 3, -1, -1, -1);
+        let last = _mm_setr_epi8(4, -1, -1, -1, 5, -1, -1, -1, 6, -1, -1, -1, 7, -1, -1, -1);
+        let spread = _mm256_set_m128i(last, first);
+        _mm256_cvtepi32_ps(_mm256_shuffle_epi8(_mm256_set1_epi64x(row), spread))
     }
 }
 
@@ -79,7 +112,10 @@ pub(crate) mod vectors512 {
         _mm512_storeu_si512 as store_ints, _mm512_sub_epi32 as sub_ints, _mm512_sub_ps as sub,
         _mm512_xor_ps as xor,
     };
-    use std::arch::x86_64::{_mm512_permutexvar_epi32, _mm512_permutexvar_ps, _mm512_setr_epi32};
+    use std::arch::x86_64::{
+        _mm_loadu_si128, _mm512_cvtepi32_ps, _mm512_cvtepu8_epi32, _mm512_permutexvar_epi32,
+        _mm512_permutexvar_ps, _mm512_setr_epi32,
+    };
 
     /// The lanes that `lanes` names in its four lowest bits.
     #[target_feature(enable = "avx512f")]
@@ -100,5 +136,17 @@ pub(crate) mod vectors512 {
     #[inline]
     pub(crate) fn lane_ids() -> Ints {
         _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+    }
+
+    /// Sixteen bytes as numbers.
+    ///
+    /// # Safety
+    /// They must be readable.
+    #[target_feature(enable = "avx512f")]
+    #[inline]
+    pub(crate) unsafe fn load_bytes(bytes: *const u8) -> Floats {
+        // SAFETY: as promised.
+        let bytes = unsafe { _mm_loadu_si128(bytes.cast()) };
+        _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))
     }
 }

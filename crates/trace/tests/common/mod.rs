@@ -4,7 +4,7 @@ use fastrand::Rng;
 use niwaki_build_sbvh::Sbvh;
 use niwaki_core::{Builder, Bvh, Hit, Ray, TriangleMesh, glam::Vec3};
 use niwaki_hard_cases::median_tree;
-use niwaki_trace::{BinaryScene, HitQueries, Kernel, WideScene};
+use niwaki_trace::{BinaryScene, HitQueries, Kernel, QuantisedScene, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
 
 /// [`HitQueries`] as an object.
@@ -75,12 +75,17 @@ fn add_width<const W: usize>(
     all: &mut Vec<(String, Box<dyn Queries>)>,
 ) where
     WideScene<W>: HitQueries + 'static,
+    QuantisedScene<W>: HitQueries + 'static,
 {
     let wide = WideBvh::<W>::collapse(bvh, &CollapseSettings::default()).unwrap();
+    let quantised = QuantisedScene::build_from(wide.clone(), mesh).unwrap();
     let scene = WideScene::build_from(wide, mesh).unwrap();
     for kernel in Kernel::ALL {
         if let Ok(scene) = scene.clone().with_kernel(kernel) {
             all.push((format!("{tree}, {kernel}, {W} wide"), Box::new(scene)));
+        }
+        if let Ok(scene) = quantised.clone().with_kernel(kernel) {
+            all.push((format!("{tree}, {kernel}, {W} wide, quantised"), Box::new(scene)));
         }
     }
 }
