@@ -69,7 +69,7 @@ pub(crate) struct ThesisArgs {
     pub(crate) ray_count: Option<usize>,
 
     /// How binary trees become 8-wide ones
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t = Collapse::Greedy)]
     pub(crate) collapse: Collapse,
 
     /// Small stand-ins, fewer rays, short measurements (0.02 s instead of 0.5 s): enough to see
@@ -126,7 +126,7 @@ impl Default for ThesisArgs {
             triangles: None,
             threads: None,
             ray_count: None,
-            collapse: Collapse::default(),
+            collapse: Collapse::Greedy,
             quick: false,
             seed: 1,
             out: PathBuf::from("out/thesis"),
