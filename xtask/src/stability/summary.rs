@@ -1,10 +1,10 @@
 //! What a person reads of a catalogue.
 
 use super::{Catalogue, Finding, engines};
+use crate::judge::Tally;
 use crate::report::table::{Best, Cell, Table};
 use crate::results::Source;
 use crate::stability::watch::End;
-use crate::verify::ledger::Tally;
 
 /// Findings of one kernel, or of one structure of a peer.
 #[derive(Clone, Debug, Default)]
