@@ -39,13 +39,14 @@ pub(crate) struct StabilityOptions {
     #[arg(long, value_parser = crate::cli::parse_count, value_name = "COUNT")]
     rays: Option<usize>,
 
-    /// Rays from inside closed surfaces, all surfaces together, through each kernel over the tree
-    /// of bonsai_p; a million at most through others [default: 10M, with --quick 100k]
+    /// Rays from inside closed surfaces, all surfaces together, that the watertight kernels over
+    /// the tree of bonsai_p share, each with rays of its own; a million at most through each fast one
+    /// and each structure of a peer, 200,000 through kernels over other trees [default: 10M, with
+    /// --quick 100k]
     #[arg(long, value_parser = crate::cli::parse_count, value_name = "COUNT")]
     leak_rays: Option<usize>,
 
-    /// A billion rays from inside closed surfaces, shared by the watertight kernels over the tree
-    /// of bonsai_p, each with rays of its own; everything else as without
+    /// A billion of those rays: --leak-rays 1000M
     #[arg(long, conflicts_with_all = ["leak_rays", "quick"])]
     long: bool,
 
@@ -63,8 +64,6 @@ pub(crate) struct StabilityOptions {
 }
 
 impl StabilityOptions {
-    const LONG: usize = 1_000_000_000;
-
     pub(crate) fn rays(&self) -> usize {
         self.rays.unwrap_or(if self.quick { 440 } else { 4400 })
     }
@@ -78,11 +77,19 @@ impl StabilityOptions {
         kernel: &str,
     ) -> usize {
         const BRUTE_FORCE_TESTS: usize = 40_000_000;
-        let total = self.leak_rays.unwrap_or(if self.quick { 100_000 } else { 10_000_000 });
-        let most = match self.long_share(engine, kernel) {
-            Some((_, sharing)) => Self::LONG.div_ceil(sharing),
-            None if engine.is_main() => total,
-            None => total.min(1_000_000),
+        let total = match (self.leak_rays, self.long, self.quick) {
+            (Some(total), ..) => total,
+            (None, true, _) => 1_000_000_000,
+            (None, false, true) => 100_000,
+            (None, false, false) => 10_000_000,
+        };
+        let most = match engine {
+            Engine::Ours(_) => match share(engine, kernel) {
+                Some((_, sharing)) => total.div_ceil(sharing),
+                None if engine.is_main() => total.min(1_000_000),
+                None => total.min(200_000),
+            },
+            _ => total.min(1_000_000),
         };
         let count = most.div_ceil(surfaces);
         match engine {
@@ -93,19 +100,8 @@ impl StabilityOptions {
 
     /// The seed of those rays: the same for all kernels, except for those that share a number.
     pub(crate) fn leak_seed(&self, engine: &Engine, kernel: &str) -> u64 {
-        let place = self.long_share(engine, kernel).map_or(0, |(place, _)| place);
+        let place = share(engine, kernel).map_or(0, |(place, _)| place);
         self.seed + ((place as u64) << 32)
-    }
-
-    /// Which of the kernels that share the billion it is, and how many they are.
-    fn long_share(&self, engine: &Engine, kernel: &str) -> Option<(usize, usize)> {
-        if !(self.long && engine.is_main()) {
-            return None;
-        }
-        let mut sharing = engine.kernels();
-        sharing.retain(|name| is_watertight(name));
-        let place = sharing.iter().position(|name| name == kernel)?;
-        Some((place, sharing.len()))
     }
 
     /// The arguments that say the same to a worker.
@@ -134,6 +130,14 @@ impl StabilityOptions {
         }
         arguments
     }
+}
+
+/// Which of the kernels that share rays it is, and how many they are.
+fn share(engine: &Engine, kernel: &str) -> Option<(usize, usize)> {
+    let mut sharing = if engine.is_main() { engine.kernels() } else { Vec::new() };
+    sharing.retain(|name| is_watertight(name));
+    let place = sharing.iter().position(|name| name == kernel)?;
+    Some((place, sharing.len()))
 }
 
 /// Arguments of `cargo xtask stability`.
