@@ -149,6 +149,7 @@ fn try_all(
             (case, (0..engines.len()).filter(|&engine| is_new(&engines[engine])).collect())
         })
         .collect();
+    tasks.retain(|(_, engines)| !engines.is_empty());
     // The long ones first, so that no process works alone at the end.
     tasks.sort_by_key(|&(case, _)| {
         let is_closed = matches!(cases[case], Case::Closed(_));
