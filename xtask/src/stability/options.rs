@@ -164,8 +164,8 @@ pub(crate) struct StabilityArgs {
           value_name = "SECONDS")]
     patience: u64,
 
-    /// Seconds that a structure of a peer may take for a case, the time of judging its answers
-    /// apart; then it counts as hanging. Ours may take as long as they like
+    /// Seconds of a processor that a structure of a peer may take for a case, the time of judging
+    /// its answers apart; then it counts as hanging. Ours may take as long as they like
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..), default_value_t = 30,
           value_name = "SECONDS")]
     peer_limit: u64,

@@ -62,48 +62,89 @@ pub(crate) struct Watch<'a> {
     worker: Option<Worker>,
 }
 
-/// How long the worker may be silent.
+/// How long a worker may go on.
 struct Clock {
+    /// How long it may be silent.
     patience: Duration,
+    last_event: Instant,
+    worker: u32,
+    start: Instant,
     /// The rest of the time that the engine may take.
     left: Option<Duration>,
-    /// Since when that time runs; `None` while we judge its answers.
-    running: Option<Instant>,
+    /// The worker's time when that began to run; `None` while exact answers are found.
+    running: Option<Duration>,
 }
 
 impl Clock {
     /// Exact arithmetic ends, but on hard cases it may take its time.
     const JUDGING: u32 = 20;
 
-    const fn new(patience: Duration) -> Self {
-        Self { patience, left: None, running: None }
+    fn new(patience: Duration, worker: u32) -> Self {
+        let now = Instant::now();
+        Self { patience, last_event: now, worker, start: now, left: None, running: None }
+    }
+
+    /// The worker's, on whatever it spent it; of the wall where the system does not tell.
+    fn now(&self) -> Duration {
+        processor_time(self.worker).unwrap_or_else(|| self.start.elapsed())
     }
 
     fn start(&mut self, left: Option<Duration>) {
-        (self.left, self.running) = (left, Some(Instant::now()));
+        (self.left, self.running) = (left, Some(self.now()));
     }
 
     fn stop(&mut self) {
-        if let (Some(left), Some(since)) = (&mut self.left, self.running) {
-            *left = left.saturating_sub(since.elapsed());
-        }
+        // It has answered, if only just.
+        self.left = self.left().map(|left| left.max(Duration::from_millis(1)));
         self.running = None;
     }
 
     fn go_on(&mut self) {
+        self.last_event = Instant::now();
         if self.running.is_none() {
-            self.running = Some(Instant::now());
+            self.running = Some(self.now());
         }
     }
 
-    /// The longest silence from now on.
-    fn timeout(&self) -> Duration {
-        match (self.running, self.left) {
-            (None, _) => self.patience * Self::JUDGING,
-            (Some(_), None) => self.patience,
-            (Some(since), Some(left)) => left.saturating_sub(since.elapsed()).min(self.patience),
+    /// `None` where nothing is limited, or nothing runs.
+    fn left(&self) -> Option<Duration> {
+        let (left, since) = (self.left?, self.running?);
+        Some(left.saturating_sub(self.now().saturating_sub(since)))
+    }
+
+    fn silence_left(&self) -> Duration {
+        let patience =
+            if self.running.is_none() { self.patience * Self::JUDGING } else { self.patience };
+        patience.saturating_sub(self.last_event.elapsed())
+    }
+
+    /// No time is over before.
+    fn wait(&self) -> Duration {
+        let silence = self.silence_left();
+        self.left().map_or(silence, |left| silence.min(left)).max(Duration::from_millis(5))
+    }
+
+    /// Why it may not go on any more.
+    fn verdict(&self) -> Option<&'static str> {
+        if self.left() == Some(Duration::ZERO) {
+            Some("not finished after")
+        } else {
+            (self.silence_left() == Duration::ZERO).then_some("no sign of life for")
         }
     }
+}
+
+/// What all threads of a process have had of processors, where Linux tells: on a busy machine, a
+/// process is not slow because it has to wait.
+fn processor_time(process: u32) -> Option<Duration> {
+    let mut sum = 0;
+    for thread in std::fs::read_dir(format!("/proc/{process}/task")).ok()? {
+        // Threads may end meanwhile.
+        let text = std::fs::read_to_string(thread.ok()?.path().join("schedstat"));
+        let nanoseconds = text.ok().and_then(|t| t.split(' ').next()?.parse::<u64>().ok());
+        sum += nanoseconds.unwrap_or(0);
+    }
+    (sum > 0).then(|| Duration::from_nanos(sum))
 }
 
 struct Worker {
@@ -193,15 +234,17 @@ impl<'a> Watch<'a> {
             let mut engine = None;
             let (mut kernel, mut so_far) = (None, None);
             // Before the first engine begins, it finds the exact answers.
-            let mut clock = Clock::new(self.patience);
+            let mut clock = Clock::new(self.patience, worker.child.id());
             let mut tell = |engine: Option<usize>, news| {
                 if let Some(engine) = engine {
                     report(engine, news);
                 }
             };
             let end = loop {
-                let event = worker.events.recv_timeout(clock.timeout());
-                clock.go_on();
+                let event = worker.events.recv_timeout(clock.wait());
+                if event.is_ok() {
+                    clock.go_on();
+                }
                 match event {
                     Ok(Event::Done) => {
                         rest = &[];
@@ -236,11 +279,13 @@ impl<'a> Watch<'a> {
                         tell(engine, News::Ended { kernel, row, end: End::Panic, what });
                     }
                     Err(RecvTimeoutError::Timeout) => {
-                        let what = match engine.and_then(self.limit) {
-                            Some(limit) => format!("not finished after {} s", limit.as_secs()),
-                            None => format!("no sign of life for {} s", self.patience.as_secs()),
+                        let Some(verdict) = clock.verdict() else { continue };
+                        let time = if clock.left() == Some(Duration::ZERO) {
+                            engine.and_then(self.limit).unwrap_or(self.patience)
+                        } else {
+                            self.patience
                         };
-                        break Some((End::Hang, what));
+                        break Some((End::Hang, format!("{verdict} {} s", time.as_secs())));
                     }
                     Err(RecvTimeoutError::Disconnected) => {
                         let status = worker.child.wait().context("cannot wait for a worker")?;
@@ -359,7 +404,7 @@ mod tests {
             case $engines in
                 4*) answer 4; echo '{{\"Engine\":5}}'; echo '{{\"Kernel\":\"fast\"}}'
                     echo '\"Judging\"'; sleep 2; echo \"{{\\\"SoFar\\\":$row}}\"
-                    while sleep 0.3; do echo \"{{\\\"SoFar\\\":$row}}\"; done ;;
+                    while :; do :; done ;;
                 *) answer $engines; echo '\"Done\"' ;;
             esac"
         );
