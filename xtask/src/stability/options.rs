@@ -14,7 +14,8 @@ Examples:
   cargo xtask stability --only integer_grid,closed_box --builders bonsai_p
       Two cases and one builder.
   cargo xtask stability --long
-      A billion rays from inside closed surfaces through the watertight kernels.
+      A billion rays from inside closed surfaces through the watertight kernels: about an hour of
+      one core more, shared by the processes.
   cargo xtask stability --quick
       Few rays, for continuous integration.
 
