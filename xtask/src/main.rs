@@ -3,6 +3,7 @@
 mod accuracy;
 mod bench;
 mod cli;
+mod judge;
 mod kernel;
 mod machine;
 mod memory;

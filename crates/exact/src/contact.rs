@@ -80,6 +80,14 @@ pub(crate) fn crosses_plane(ray: &Ray, triangle: &Triangle) -> bool {
     }
 }
 
+/// True if the corners lie on one line, or in one point.
+pub(crate) fn is_flat(triangle: &Triangle) -> bool {
+    let is_zero = |n: Option<Ordering>| n == Some(Ordering::Equal);
+    is_finite(triangle)
+        && Plane::<Bounded>::normal(triangle).iter().all(|n| n.sign().is_none_or(|s| s.is_eq()))
+        && Plane::<Dyadic>::normal(triangle).iter().all(|n| is_zero(n.sign()))
+}
+
 /// Where the line crosses the plane, rounded to nearest; `None` if not in one point.
 pub(crate) fn plane_t(ray: &Ray, triangle: &Triangle) -> Option<f64> {
     if !(ray.origin.is_finite() && ray.direction.is_finite() && is_finite(triangle)) {
@@ -109,12 +117,17 @@ struct Plane<N> {
 
 impl<N: Number> Plane<N> {
     fn of(ray: &Ray, triangle: &Triangle) -> Self {
-        let [a, b, c] = triangle.vertices().map(vector::<N>);
-        let normal = cross(&difference(&b, &a), &difference(&c, &a));
+        let a = vector::<N>(triangle.v0);
+        let normal = Self::normal(triangle);
         Self {
             distance: dot(&difference(&a, &vector(ray.origin)), &normal),
             det: dot(&vector(ray.direction), &normal),
         }
+    }
+
+    fn normal(triangle: &Triangle) -> [N; 3] {
+        let [a, b, c] = triangle.vertices().map(vector::<N>);
+        cross(&difference(&b, &a), &difference(&c, &a))
     }
 }
 

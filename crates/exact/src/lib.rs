@@ -24,7 +24,8 @@
 //! - the triangle is closed (edges and corners belong to it), and so is the range
 //!   `t_min ≤ t ≤ t_max`, where `t_max` may be infinite and a negative `t_min` counts as 0;
 //! - a ray in the plane of the triangle, or parallel to it, misses, as in all determinant tests;
-//! - a triangle without area is never hit;
+//! - a triangle without area is never hit (kernels may report one that closes a seam, where rounding
+//!   opens it: [`settle_with`]);
 //! - a ray or triangle with NaN, with an infinite coordinate, and a ray with zero direction or
 //!   `t_max < t_min`, hit nothing.
 //!

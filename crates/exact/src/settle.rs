@@ -2,10 +2,11 @@
 
 use crate::{
     closest::near_line,
-    contact::{Contact, contact, contact_of_line, forward, is_sound, plane_t},
+    contact::{Contact, contact, contact_of_line, forward, is_flat, is_sound, plane_t},
     difficulty::{border_distance_ulps, t_error_bound},
 };
-use niwaki_core::{Hit, Ray, Triangle, TriangleMesh};
+use niwaki_core::{Hit, Ray, Triangle, TriangleMesh, glam::Vec3};
+use rayon::prelude::*;
 
 /// What became of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -187,8 +188,9 @@ pub fn settle(ray: &Ray, mesh: &TriangleMesh, ours: &Hit, theirs: &Hit) -> Verdi
 ///
 /// Each reported hit is tested exactly: it is *false* if the ray misses the triangle by more than
 /// [`SettleOptions::border_ulps`] or if its `t` is further from the truth than
-/// [`t_error_bound`] (a triangle without area, but with three corners, counts as its own border, as
-/// rounding may give it one; a triangle with two equal corners has none); it is *certain* if the ray pierces the triangle's inside, further than that
+/// [`t_error_bound`], or if the triangle has no area, exactly; one that closes a seam, so that each
+/// of its edges is an edge of another triangle with another third corner, counts as its own border,
+/// as rounding may give it an area. A hit is *certain* if the ray pierces the triangle's inside, further than that
 /// from its border and, by more than the error of `t`, from the ends of the range. Then:
 ///
 /// | case | verdict |
@@ -226,11 +228,9 @@ pub fn settle_with(
     };
     let mut candidates = claims.to_vec();
     if options.scan && matches!(verdict, Verdict::PeerWrong | Verdict::Rounding) {
-        candidates.extend(
-            near_line(ray, mesh, 0.0)
-                .into_iter()
-                .map(|i| examine_triangle(ray, i, &mesh.triangle(i as usize), None, options)),
-        );
+        candidates.extend(near_line(ray, mesh, 0.0).into_iter().map(|i| {
+            examine_triangle(ray, i, &mesh.triangle(i as usize), None, Some(mesh), options)
+        }));
         settlement.missed = candidates.iter().copied().find(|c| surely_before(c, ours));
         if settlement.missed.is_some() {
             settlement.verdict = Verdict::OursWrong;
@@ -264,14 +264,15 @@ pub fn settle_any_with(
     }
     let candidates = near_line(ray, mesh, options.border_ulps);
     let candidates = candidates.into_iter().map(|i| (i, mesh.triangle(i as usize)));
-    any_among(ray, candidates, ours, theirs, options)
+    any_among(ray, candidates, ours, theirs, Some(mesh), options)
 }
 
 /// Settles what two any-hit kernels report for a ray, among candidates that must include every
 /// triangle that the ray hits or passes within [`SettleOptions::border_ulps`].
 ///
 /// If one of them is a certain hit (see [`settle_with`]), who reports none is wrong; if rounding
-/// could make a hit of one, rounding; if not even that, who reports a hit is wrong.
+/// could make a hit of one, rounding; if not even that, who reports a hit is wrong. A triangle without
+/// area is no hit, for nothing is known here of seams that it might close.
 pub fn settle_any_among(
     ray: &Ray,
     candidates: impl IntoIterator<Item = (u32, Triangle)>,
@@ -279,7 +280,7 @@ pub fn settle_any_among(
     theirs: bool,
     options: &SettleOptions,
 ) -> Verdict {
-    any_among(ray, candidates, ours, theirs, options).verdict
+    any_among(ray, candidates, ours, theirs, None, options).verdict
 }
 
 fn any_among(
@@ -287,6 +288,7 @@ fn any_among(
     candidates: impl IntoIterator<Item = (u32, Triangle)>,
     ours: bool,
     theirs: bool,
+    mesh: Option<&TriangleMesh>,
     options: &SettleOptions,
 ) -> AnySettlement {
     if ours == theirs {
@@ -295,7 +297,7 @@ fn any_among(
     let (mut possible, mut exact) = (false, false);
     for (id, triangle) in candidates {
         if let Claim::Hit { certain, contact, .. } =
-            examine_triangle(ray, id, &triangle, None, options)
+            examine_triangle(ray, id, &triangle, None, mesh, options)
         {
             possible = true;
             exact |= contact.is_hit();
@@ -365,7 +367,8 @@ fn examine(ray: &Ray, mesh: &TriangleMesh, hit: &Hit, options: &SettleOptions) -
     if prim_id as usize >= mesh.len() {
         return Claim::NoSuchPrimitive { prim_id };
     }
-    examine_triangle(ray, prim_id, &mesh.triangle(prim_id as usize), Some(hit.t), options)
+    let triangle = mesh.triangle(prim_id as usize);
+    examine_triangle(ray, prim_id, &triangle, Some(hit.t), Some(mesh), options)
 }
 
 fn examine_triangle(
@@ -373,6 +376,7 @@ fn examine_triangle(
     prim_id: u32,
     triangle: &Triangle,
     reported: Option<f32>,
+    mesh: Option<&TriangleMesh>,
     options: &SettleOptions,
 ) -> Claim {
     let ray = &forward(ray);
@@ -380,17 +384,18 @@ fn examine_triangle(
     let border_ulps = border_distance_ulps(ray, triangle);
     let false_hit = Claim::FalseHit { prim_id, border_ulps };
     let near_border = border_ulps <= options.border_ulps;
-    let [a, b, c] = triangle.vertices();
-    let has_equal_corners = a == b || b == c || c == a;
-    if !is_sound(ray) || ray.t_min > ray.t_max || has_equal_corners {
+    if !is_sound(ray) || ray.t_min > ray.t_max {
         return false_hit;
     }
     let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
     let Some(t) = plane_t(ray, triangle) else {
-        // In the plane, or without area, where rounding may give it one (watertight kernels keep
-        // such triangles, as they close seams): within a trace of the border if at all, at any
-        // distance along it.
-        return if near_border && let Some(span) = span_in_plane(ray, triangle, reported) {
+        // In the plane, or without area, where rounding may give it one (kernels keep such
+        // triangles where they close seams): within a trace of the border if at all, at any distance
+        // along it.
+        return if near_border
+            && (!is_flat(triangle) || mesh.is_some_and(|mesh| closes_seam(triangle, mesh)))
+            && let Some(span) = span_in_plane(ray, triangle, reported)
+        {
             Claim::Hit { prim_id, contact, t: span.0, t_error: span.1, border_ulps, certain: false }
         } else {
             false_hit
@@ -411,6 +416,23 @@ fn examine_triangle(
         && t_min + t_error <= t
         && t <= t_max - t_error;
     Claim::Hit { prim_id, contact, t, t_error, border_ulps, certain }
+}
+
+/// True if each edge of a triangle is an edge of another with another third corner, by position.
+fn closes_seam(triangle: &Triangle, mesh: &TriangleMesh) -> bool {
+    let is_distinct = |[a, b, c]: [Vec3; 3]| a != b && b != c && c != a;
+    let corners = triangle.vertices();
+    let shared = |i: usize| {
+        let (p, q, third) = (corners[i], corners[(i + 1) % 3], corners[(i + 2) % 3]);
+        (0..mesh.len()).into_par_iter().with_min_len(1 << 14).any(|other| {
+            let other = mesh.triangle(other).vertices();
+            is_distinct(other)
+                && other.contains(&p)
+                && other.contains(&q)
+                && !other.contains(&third)
+        })
+    };
+    is_distinct(corners) && (0..3).all(shared)
 }
 
 /// True if the line of the ray hits the triangle at whatever distance.

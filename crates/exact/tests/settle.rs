@@ -61,8 +61,8 @@ fn each_verdict() {
         ("they gain far from the border", far_outside, Hit::MISS, hit(0, 1.0), PeerWrong),
         ("wrong neighbour", middle, hit(0, 1.0), hit(1, 1.0), PeerWrong),
         ("no such primitive", middle, hit(0, 1.0), hit(77, 1.0), PeerWrong),
-        ("without area", down(0.5, 0.0), hit(0, 1.0), hit(5, 1.0), Tie),
-        ("without area, alone", down(1.5, 0.0), hit(5, 1.0), Hit::MISS, Rounding),
+        ("without area", down(0.5, 0.0), hit(0, 1.0), hit(5, 1.0), PeerWrong),
+        ("without area, alone", down(1.5, 0.0), hit(5, 1.0), Hit::MISS, OursWrong),
         ("with equal corners", down(0.5, 0.0), hit(0, 1.0), hit(6, 1.0), PeerWrong),
         ("behind t_max", middle.with_range(0.0, 0.5), Hit::MISS, hit(0, 1.0), PeerWrong),
         ("at t_max", middle.with_range(0.0, 1.0), Hit::MISS, hit(0, 1.0), Rounding),
@@ -73,6 +73,18 @@ fn each_verdict() {
     ] {
         assert_eq!(settle(&ray, &mesh, &ours, &theirs), verdict, "{name}");
     }
+}
+
+#[test]
+fn a_triangle_without_area_counts_where_it_closes_a_seam() {
+    let mesh = niwaki_hard_cases::seamed_octahedron(Vec3::ZERO);
+    // The fourth triangle lies on the edge from (3, 0, 0) to (0, 3, 0).
+    let (origin, at) = (Vec3::ZERO, Vec3::new(1.0, 2.0, 0.0));
+    let ray = Ray::new(origin, at);
+    assert_eq!(settle(&ray, &mesh, &hit(3, 1.0), &hit(1, 1.0)), Verdict::Tie);
+    assert_eq!(settle(&ray, &mesh, &hit(3, 1.5), &hit(1, 1.0)), Verdict::OursWrong);
+    let without = TriangleMesh::new(mesh.positions().to_vec(), mesh.indices()[1..].to_vec());
+    assert_eq!(settle(&ray, &without.unwrap(), &hit(2, 1.0), &hit(0, 1.0)), Verdict::OursWrong);
 }
 
 #[test]

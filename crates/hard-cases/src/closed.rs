@@ -1,9 +1,9 @@
 //! Closed surfaces, and rays from inside that no kernel should let out.
 
-use crate::closed_star;
+use crate::{closed_star, sheet};
 use fastrand::Rng;
 use glam::Vec3;
-use niwaki_core::{Ray, Triangle, TriangleMesh};
+use niwaki_core::{Ray, TriangleMesh, to_u32};
 
 /// A closed surface around a point.
 #[derive(Debug, Clone)]
@@ -33,10 +33,9 @@ impl Closed {
     }
 
     fn ray_from_inside(&self, i: usize, rng: &mut Rng) -> Ray {
-        let corners = self.mesh.triangle(rng.usize(0..self.mesh.len())).vertices();
-        let corner = corners[rng.usize(0..3)];
         if self.is_box && i.is_multiple_of(3) {
             // From the plane through the center that the corner is straight above.
+            let corner = self.mesh.positions()[rng.usize(0..self.mesh.positions().len())];
             let side = (corner - self.center).abs();
             let axis = (0..3).max_by(|&a, &b| side[a].total_cmp(&side[b])).unwrap_or(0);
             let mut origin = corner;
@@ -45,9 +44,7 @@ impl Closed {
             direction[axis] = corner[axis] - self.center[axis];
             return Ray::new(origin, direction);
         }
-        let next = corners[rng.usize(0..3)];
-        let target =
-            if i.is_multiple_of(2) { corner } else { corner + (next - corner) * rng.f32() };
+        let target = border_point(&self.mesh, rng);
         let mut point = || 2.0 * rng.f32() - 1.0;
         let from_center = Vec3::new(point(), point(), point()).clamp_length_max(1.0);
         let origin = self.center + from_center * self.inner;
@@ -55,8 +52,20 @@ impl Closed {
     }
 }
 
-/// Surfaces of several sizes at several places, and a box of squares with integer corners. The
-/// stars have 32,768 triangles each.
+/// A corner of a triangle of a mesh, or as likely a point on one of its edges, up to rounding.
+///
+/// # Panics
+/// If there are no triangles.
+#[must_use]
+pub fn border_point(mesh: &TriangleMesh, rng: &mut Rng) -> Vec3 {
+    let corners = mesh.triangle(rng.usize(0..mesh.len())).vertices();
+    let first = rng.usize(0..3);
+    let (corner, next) = (corners[first], corners[(first + 1) % 3]);
+    if rng.bool() { corner } else { corner + (next - corner) * rng.f32() }
+}
+
+/// Stars of several sizes at several places, 32,768 triangles each, a box of squares with integer
+/// corners, and one with seams.
 #[must_use]
 pub fn closed() -> Vec<Closed> {
     let star = |name, why, size: f32, center: Vec3| Closed {
@@ -81,37 +90,79 @@ pub fn closed() -> Vec<Closed> {
         star("closed_star_1e6", "of size 1e6", 1e6, Vec3::ZERO),
         star("closed_star_1e-30", "areas vanish in f32", 1e-30, Vec3::ZERO),
         star("closed_star_1e30", "areas overflow f32", 1e30, Vec3::ZERO),
-        integer_box(),
+        flat_star(),
+        Closed {
+            name: "closed_box",
+            why: "axis-parallel rays at corners with integer coordinates",
+            mesh: grid_box(32, Vec3::splat(-16.0)),
+            center: Vec3::ZERO,
+            inner: 15.0,
+            is_box: true,
+        },
+        Closed {
+            name: "closed_seams",
+            why: "corners in the middle of edges, closed by triangles without area",
+            mesh: seamed_octahedron(Vec3::new(1.0, -2.0, 64.0)),
+            center: Vec3::new(1.0, -2.0, 64.0),
+            inner: 1.0,
+            is_box: false,
+        },
     ]
 }
 
-/// The cube from −16 to 16 with faces of unit squares, each two triangles.
-fn integer_box() -> Closed {
-    const HALF: i16 = 16;
-    let mut triangles = Vec::new();
+fn flat_star() -> Closed {
+    const THICKNESS: f32 = 1e-3;
+    let star = closed_star(6, 1.0, Vec3::ZERO, 7);
+    let squeezed = star.positions().iter().map(|p| *p * Vec3::new(1.0, 1.0, THICKNESS));
+    Closed {
+        name: "closed_star_flat",
+        why: "thin as a coin: slivers, seen at grazing angles",
+        mesh: TriangleMesh::new(squeezed.collect(), star.indices().to_vec()).expect("finite"),
+        center: Vec3::ZERO,
+        inner: 0.5 * THICKNESS,
+        is_box: false,
+    }
+}
+
+/// An octahedron around a point. Each of four edges has a corner in its middle that only one side
+/// knows; triangles without area close the seams. The middles are exact if the coordinates of the
+/// center are integers below a million.
+#[must_use]
+pub fn seamed_octahedron(center: Vec3) -> TriangleMesh {
+    let mut positions: Vec<Vec3> =
+        [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y, Vec3::Z, -Vec3::Z].map(|v| v * 3.0 + center).into();
+    let mut indices = Vec::new();
+    for i in 0..4 {
+        let (a, b) = (i, (i + 1) % 4);
+        let middle = to_u32(positions.len());
+        positions.push((positions[a as usize] + positions[b as usize]) * 0.5);
+        // The upper half knows the middle of the edge, the lower does not.
+        indices.extend([[a, middle, 4], [middle, b, 4], [b, a, 5], [a, b, middle]]);
+    }
+    TriangleMesh::new(positions, indices).expect("finite and in range")
+}
+
+/// The surface of a box of `n` unit cubes each way, from `corner` on: squares of two triangles
+/// each, with shared vertices within a side.
+#[must_use]
+pub fn grid_box(n: u32, corner: Vec3) -> TriangleMesh {
+    let mut positions = Vec::new();
+    let mut indices = Vec::new();
     for axis in 0..3 {
-        for side in [-HALF, HALF] {
-            let at = |x: i16, y: i16| {
+        for side in [0, n] {
+            let base = to_u32(positions.len());
+            let face = sheet(n, |i, j| {
                 let mut p = Vec3::ZERO;
-                p[axis] = f32::from(side);
-                p[(axis + 1) % 3] = f32::from(x);
-                p[(axis + 2) % 3] = f32::from(y);
-                p
-            };
-            for (x, y) in (-HALF..HALF).flat_map(|x| (-HALF..HALF).map(move |y| (x, y))) {
-                triangles.push(Triangle::new(at(x, y), at(x + 1, y), at(x, y + 1)));
-                triangles.push(Triangle::new(at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)));
-            }
+                p[axis] = side as f32;
+                p[(axis + 1) % 3] = i as f32;
+                p[(axis + 2) % 3] = j as f32;
+                p + corner
+            });
+            positions.extend(face.positions());
+            indices.extend(face.indices().iter().map(|corners| corners.map(|i| base + i)));
         }
     }
-    Closed {
-        name: "closed_box",
-        why: "axis-parallel rays at corners with integer coordinates",
-        mesh: TriangleMesh::from_triangles(&triangles).expect("small integers"),
-        center: Vec3::ZERO,
-        inner: f32::from(HALF - 1),
-        is_box: true,
-    }
+    TriangleMesh::new(positions, indices).expect("finite and in range")
 }
 
 #[cfg(test)]
@@ -131,6 +182,14 @@ mod tests {
                 }
             }
             assert!(uses.values().all(|n| n % 2 == 0), "{}", case.name);
+        }
+    }
+
+    #[test]
+    fn seams_are_closed_by_triangles_without_area() {
+        for center in [Vec3::ZERO, Vec3::new(1.0, -2.0, 64.0)] {
+            let mesh = seamed_octahedron(center);
+            assert_eq!(mesh.triangles().filter(|t| t.area() == 0.0).count(), 4);
         }
     }
 

@@ -3,6 +3,7 @@
 use crate::{
     Counts, HitQueries, Mode, SceneError,
     counts::Counter,
+    flat::{NEVER_HIT, closing, is_flat},
     query::{
         hits::Traverse,
         visitor::{Closest, First, Found, Visitor},
@@ -54,11 +55,16 @@ impl BinaryScene {
             let bounds = scale.aabb(node.aabb());
             BvhNode { min: bounds.min, max: bounds.max, ..*node }
         });
-        let triangles = bvh
-            .prim_ids
-            .par_iter()
-            .with_min_len(4096)
-            .map(|&id| words(mode, &scale.triangle(mesh.triangle(id as usize))));
+        let triangle = |id: u32| mesh.triangle(id as usize);
+        let ids = bvh.prim_ids.par_iter().with_min_len(4096);
+        let flat: Vec<u32> = ids.clone().copied().filter(|&id| is_flat(&triangle(id))).collect();
+        let kept = closing(&flat, mesh);
+        let triangles = ids.map(|&id| {
+            if !flat.is_empty() && is_flat(&triangle(id)) && kept.binary_search(&id).is_err() {
+                return NEVER_HIT;
+            }
+            words(mode, &scale.triangle(triangle(id)))
+        });
         Ok(Self {
             nodes: nodes.collect(),
             prim_ids: bvh.prim_ids.clone(),

@@ -1,18 +1,20 @@
 //! Every triangle tested.
 
 use crate::{
+    flat::{closing, is_flat},
     mode::Mode,
     scale::SceneScale,
     setup::RaySetup,
     triangle::{Fast, TriangleTest, no_hit, settle, words},
     watertight::Sheared,
 };
-use niwaki_core::{Hit, Ray, TriangleMesh};
+use niwaki_core::{Hit, Ray, Triangle, TriangleMesh};
 
 /// The closest hit by testing every triangle, in [`Mode::Watertight`]; among hits at equal `t` the
 /// smallest `prim_id`.
 ///
-/// Takes time linear in the mesh, twice: the bounds decide the scale. Meant for tests and as the
+/// Takes time linear in the mesh, more than once: the bounds decide the scale, and triangles
+/// without area that close no seam are left out. Meant for tests and as the
 /// reference of kernels, with which it agrees to the last bit of `t`, `u` and `v`.
 #[must_use]
 pub fn brute_force(mesh: &TriangleMesh, ray: &Ray) -> Hit {
@@ -27,6 +29,27 @@ pub fn brute_force_in(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit {
     match mode {
         Mode::Fast => test_all::<Fast>(mode, mesh, ray),
         Mode::Watertight => test_all::<Sheared>(mode, mesh, ray),
+    }
+}
+
+/// Which triangles can be hit.
+struct Kept {
+    /// There are triangles without area.
+    any_flat: bool,
+    /// Those that close seams.
+    closing: Vec<u32>,
+}
+
+impl Kept {
+    fn of(mesh: &TriangleMesh) -> Self {
+        let flat: Vec<u32> =
+            (0..).zip(mesh.triangles()).filter(|(_, t)| is_flat(t)).map(|(id, _)| id).collect();
+        Self { any_flat: !flat.is_empty(), closing: closing(&flat, mesh) }
+    }
+
+    #[inline]
+    fn has(&self, id: u32, triangle: &Triangle) -> bool {
+        !self.any_flat || !is_flat(triangle) || self.closing.binary_search(&id).is_ok()
     }
 }
 
@@ -52,8 +75,11 @@ fn test_each<T: TriangleTest>(mode: Mode, mesh: &TriangleMesh, ray: &Ray) -> Hit
     let Some(setup) = RaySetup::new(ray, scale) else { return Hit::MISS };
     let test = T::new(&setup);
     let mut hit = no_hit(setup.t_max);
+    let kept = Kept::of(mesh);
     for (id, triangle) in (0..).zip(mesh.triangles()) {
-        test.intersect(words(mode, &scale.triangle(triangle)), id, setup.t_min, &mut hit);
+        if kept.has(id, &triangle) {
+            test.intersect(words(mode, &scale.triangle(triangle)), id, setup.t_min, &mut hit);
+        }
     }
     setup.finish(settle(hit))
 }
@@ -66,7 +92,11 @@ pub fn brute_force_all(mesh: &TriangleMesh, ray: &Ray) -> Vec<Hit> {
     let Some(setup) = RaySetup::new(ray, scale) else { return Vec::new() };
     let test = <Sheared as TriangleTest>::new(&setup);
     let mut hits = Vec::new();
+    let kept = Kept::of(mesh);
     for (id, triangle) in (0..).zip(mesh.triangles()) {
+        if !kept.has(id, &triangle) {
+            continue;
+        }
         let mut hit = no_hit(setup.t_max);
         let words = words(Mode::Watertight, &scale.triangle(triangle));
         TriangleTest::intersect(&test, words, id, setup.t_min, &mut hit);

@@ -1,6 +1,9 @@
 //! Rays and triangles in double precision.
 
-use crate::binary::check_tree;
+use crate::{
+    binary::check_tree,
+    flat::{closing_double, is_flat_double},
+};
 use niwaki_core::{
     Aabb, BuildError, Builder, Bvh, PrimRef,
     float::{round_down, round_up},
@@ -156,8 +159,20 @@ impl DoubleScene {
         let triangles: Option<Vec<_>> =
             bvh.prim_ids.iter().map(|&id| all.get(id as usize).copied()).collect();
         let malformed = CollapseError::Malformed { node: 0, nodes: bvh.nodes.len() };
-        let triangles = triangles.ok_or(malformed)?;
-        Ok(Self { nodes: refit(&bvh, &triangles), prim_ids: bvh.prim_ids, triangles, exponent })
+        let mut triangles = triangles.ok_or(malformed)?;
+        let nodes = refit(&bvh, &triangles);
+        let ids = 0..to_u32(all.len());
+        let flat: Vec<u32> = ids.filter(|&id| is_flat_double(&all[id as usize])).collect();
+        if !flat.is_empty() {
+            let kept = closing_double(&flat, &all);
+            for (corners, id) in triangles.iter_mut().zip(&bvh.prim_ids) {
+                // The list of flat ones is in order as well.
+                if flat.binary_search(id).is_ok() && kept.binary_search(id).is_err() {
+                    *corners = [DVec3::NAN; 3];
+                }
+            }
+        }
+        Ok(Self { nodes, prim_ids: bvh.prim_ids, triangles, exponent })
     }
 
     /// The hit with the smallest `t` in the ray's range; at equal `t` that of the smallest id.

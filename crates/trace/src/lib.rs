@@ -42,6 +42,7 @@ mod brute;
 mod counts;
 mod double;
 mod error;
+mod flat;
 mod kernel;
 mod kernels;
 mod mode;

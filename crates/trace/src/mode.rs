@@ -4,6 +4,9 @@ use std::fmt;
 
 /// What a scene promises about rays that pass exactly through edges and corners. Chosen when a
 /// scene is made, as the modes keep different words of the triangles and have kernels of their own.
+///
+/// In all modes, a triangle whose corners lie on one line, exactly, is hit only where it closes a
+/// seam: where each of its edges is an edge of another triangle with another third corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Mode {
     /// Each triangle is tested by itself (Möller and Trumbore 1997), so a ray aimed exactly at an
@@ -13,8 +16,8 @@ pub enum Mode {
     /// Wald 2013, with exact signs), provided that the origin is further inside than the rounding of
     /// the corners seen from there, some 2⁻²¹ of their distance.
     ///
-    /// Triangles without area, other than those with two equal corners, may be hit: they close
-    /// seams between triangles of different size.
+    /// Closed means that every edge is shared by triangles with corners at equal positions. Some of
+    /// them may be triangles without area, which close seams where a long edge meets shorter ones.
     ///
     /// The default, because it costs less than a tenth of the time.
     #[default]

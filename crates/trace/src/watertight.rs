@@ -34,9 +34,8 @@
 //! with certainty, for edges and corners, at every scale and offset. It holds for corners at equal
 //! positions, whether or not they share an index.
 //!
-//! Triangles without area count: where a long edge meets two shorter ones in a corner on it,
-//! modellers close the seam with one. Rounding may open it by an ulp, and such a triangle then
-//! covers the gap. Triangles with two equal corners are never hit.
+//! Triangles without area count where they close a seam (`flat`); the test itself treats them as
+//! all others.
 
 use crate::{
     scale::SceneScale,

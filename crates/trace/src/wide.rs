@@ -4,6 +4,7 @@
 use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
 use crate::{
     Counts, HitQueries, Kernel, Mode, SceneError,
+    flat::{NEVER_HIT, closing, is_flat},
     kernels::{batches, scalar},
     query::{
         hits::Traverse,
@@ -61,21 +62,14 @@ impl<const W: usize> Layout<W> {
         // Vectors may read past the end of the last leaf.
         let mut triangles = vec![0.0; WORDS * prim_ids.len() + W];
         prefer_large_pages(&triangles);
-        // The leaves of consecutive nodes have consecutive references: one share of the words per
-        // chunk of nodes.
-        let mut rest = triangles.as_mut_slice();
-        let shares: Vec<_> = nodes
-            .chunks(NODE_CHUNK)
-            .map(|chunk| {
-                let prims: usize = chunk.iter().map(|node| node.prim_count as usize).sum();
-                let (share, after) = std::mem::take(&mut rest).split_at_mut(WORDS * prims);
-                rest = after;
-                (chunk, share)
-            })
-            .collect();
-        shares
-            .into_par_iter()
-            .try_for_each(|(chunk, share)| fill(mode, share, chunk, &prim_ids, mesh, scale))?;
+        let source = Source { mode, prim_ids: &prim_ids, mesh, scale };
+        let flat = source.fill_all(&mut triangles, &nodes, &[])?;
+        if !flat.is_empty() {
+            let kept = closing(&flat, mesh);
+            if !kept.is_empty() {
+                source.fill_all(&mut triangles, &nodes, &kept)?;
+            }
+        }
         if scale.factor != 1.0 {
             nodes.par_iter_mut().with_min_len(NODE_CHUNK).for_each(|node| {
                 for plane in node.bounds.as_flattened_mut() {
@@ -214,17 +208,51 @@ impl<const W: usize> WideScene<W> {
     }
 }
 
-/// Fills the words of the leaves of consecutive nodes.
-fn fill<const W: usize>(
+/// Where the words of leaves come from.
+#[derive(Clone, Copy)]
+struct Source<'a> {
     mode: Mode,
+    prim_ids: &'a [u32],
+    mesh: &'a TriangleMesh,
+    scale: SceneScale,
+}
+
+impl Source<'_> {
+    /// Fills the words of all leaves. Triangles without area become such that nothing hits them,
+    /// except for those in `kept`, which is sorted; returns the former.
+    fn fill_all<const W: usize>(
+        self,
+        triangles: &mut [f32],
+        nodes: &[WideNode<W>],
+        kept: &[u32],
+    ) -> Result<Vec<u32>, SceneError> {
+        // The leaves of consecutive nodes have consecutive references: one share of the words per
+        // chunk of nodes.
+        let mut rest = triangles;
+        let shares: Vec<_> = nodes
+            .chunks(NODE_CHUNK)
+            .map(|chunk| {
+                let prims: usize = chunk.iter().map(|node| node.prim_count as usize).sum();
+                let (share, after) = std::mem::take(&mut rest).split_at_mut(WORDS * prims);
+                rest = after;
+                (chunk, share)
+            })
+            .collect();
+        let flat = shares.into_par_iter().map(|(chunk, share)| fill(self, share, chunk, kept));
+        Ok(flat.collect::<Result<Vec<_>, _>>()?.concat())
+    }
+}
+
+/// Fills the words of the leaves of consecutive nodes; see [`Source::fill_all`].
+fn fill<const W: usize>(
+    Source { mode, prim_ids, mesh, scale }: Source<'_>,
     share: &mut [f32],
     nodes: &[WideNode<W>],
-    prim_ids: &[u32],
-    mesh: &TriangleMesh,
-    scale: SceneScale,
-) -> Result<(), SceneError> {
+    kept: &[u32],
+) -> Result<Vec<u32>, SceneError> {
     let mut rest = share;
     let mut gathered = Vec::new();
+    let mut flat = Vec::new();
     for group in nodes.chunks(GATHER) {
         // Vertices are all over memory: a loop that does nothing but read them keeps many reads
         // in flight.
@@ -235,8 +263,14 @@ fn fill<const W: usize>(
             return Err(SceneError::NoSuchTriangle { prim_id, triangles: mesh.len() });
         }
         gathered.clear();
-        gathered
-            .extend(ids.iter().map(|&id| words(mode, &scale.triangle(mesh.triangle(id as usize)))));
+        gathered.extend(ids.iter().map(|&id| {
+            let triangle = mesh.triangle(id as usize);
+            if is_flat(&triangle) && kept.binary_search(&id).is_err() {
+                flat.push(id);
+                return NEVER_HIT;
+            }
+            words(mode, &scale.triangle(triangle))
+        }));
         let mut triangles = gathered.as_slice();
         for child in group.iter().flat_map(WideNode::iter) {
             let Child::Leaf { count, .. } = child else { continue };
@@ -253,7 +287,7 @@ fn fill<const W: usize>(
             }
         }
     }
-    Ok(())
+    Ok(flat)
 }
 
 /// Answers rays to a scene by the kernels of one width: the modules `$fast` and `$watertight` of each

@@ -116,3 +116,36 @@ fn bad_input_is_named_and_bad_rays_miss() {
     }
     assert!(DoubleScene::new(&Median, &[], &[]).is_ok_and(|empty| !empty.any_hit(&ray)));
 }
+
+#[test]
+fn triangles_without_area_are_hit_only_where_they_close_a_seam() {
+    let mut rng = Rng::with_seed(4);
+    let scene = |triangles: &[[u32; 3]], positions: &[DVec3]| {
+        DoubleScene::new(&Median, positions, triangles).unwrap()
+    };
+    for _ in 0..300 {
+        // Exact, as the steps are small integers times a power of two.
+        let start = DVec3::from([0; 3].map(|_| rng.f64() - 0.5)) * 1e6;
+        let start = (start * 1024.0).round() / 1024.0;
+        let step = DVec3::from([0; 3].map(|_| f64::from(rng.i32(-9..10))));
+        let line = [0.0, 1.0, 0.25].map(|k| start + step * k);
+        let origin = start + DVec3::from([0; 3].map(|_| 3.0 * (rng.f64() - 0.5)));
+        let ray = DoubleRay::new(origin, line[1] + (line[0] - line[1]) * rng.f64() - origin);
+        assert_eq!(scene(&[[0, 1, 2], [2, 0, 1]], &line).closest_hit(&ray), None);
+    }
+    let mesh = niwaki_hard_cases::seamed_octahedron(Vec3::ZERO);
+    // No power of two: middles of edges are still exact, other points are not.
+    let (positions, tight) = placed(&mesh, 3.0, DVec3::new(5.0, -7.0, 1e6));
+    let open: Vec<_> = mesh.indices().iter().copied().enumerate().collect();
+    let open: Vec<_> = open.into_iter().filter(|(i, _)| i % 4 != 3).map(|(_, t)| t).collect();
+    let open = scene(&open, &positions);
+    let mut lost = 0;
+    for _ in 0..20_000 {
+        let [a, b, _] = mesh.indices()[4 * rng.usize(0..4) + 3].map(|i| positions[i as usize]);
+        let origin = DVec3::new(5.0, -7.0, 1e6) + DVec3::from([0; 3].map(|_| rng.f64() - 0.5));
+        let ray = DoubleRay::new(origin, a + (b - a) * rng.f64() - origin);
+        assert!(tight.any_hit(&ray), "{ray:?}");
+        lost += u32::from(!open.any_hit(&ray));
+    }
+    assert!(lost > 0, "or the seams need no closing");
+}

@@ -5,7 +5,9 @@ use niwaki_core::{
     Bvh, Hit, Intersector, Ray, TriangleMesh,
     glam::{DVec3, Vec3},
 };
-use niwaki_hard_cases::{self as hard, closed_star, median_tree, soup_mesh};
+use niwaki_hard_cases::{
+    self as hard, border_point, closed_star, grid_box, median_tree, seamed_octahedron, soup_mesh,
+};
 use niwaki_trace::{BinaryScene, Mode, QuantisedScene, WideScene, brute_force, brute_force_in};
 use niwaki_wide::{CollapseSettings, WideBvh};
 use proptest::prelude::*;
@@ -51,23 +53,13 @@ fn point(rng: &mut Rng) -> Vec3 {
     Vec3::new(rng.f32() - 0.5, rng.f32() - 0.5, rng.f32() - 0.5) * 2.0
 }
 
-/// A point of a mesh: a corner, on an edge, or on a face.
-fn target(mesh: &TriangleMesh, rng: &mut Rng) -> Vec3 {
-    let t = mesh.triangle(rng.usize(0..mesh.len()));
-    match rng.u8(0..8) {
-        0..=3 => t.v0,
-        4..=6 => t.v0 + (t.v1 - t.v0) * rng.f32(),
-        _ => t.v0 + (t.v1 - t.v0) * (0.5 * rng.f32()) + (t.v2 - t.v0) * (0.5 * rng.f32()),
-    }
-}
-
-/// Asserts that rays from `origins` to corners, edges and faces all hit, with every kernel.
+/// Asserts that rays from `origins` to corners and edges all hit, with every kernel.
 fn assert_tight(mesh: &TriangleMesh, rays: usize, seed: u64, origin: impl Fn(&mut Rng) -> Vec3) {
     let kernels = kernels(mesh, 2);
     let mut rng = Rng::with_seed(seed);
     for _ in 0..rays {
         let origin = origin(&mut rng);
-        let mut direction = target(mesh, &mut rng) - origin;
+        let mut direction = border_point(mesh, &mut rng) - origin;
         if rng.u8(0..4) == 0 {
             direction *= 2.0_f32.powi(rng.i32(-60..60));
         }
@@ -80,34 +72,6 @@ fn assert_tight(mesh: &TriangleMesh, rays: usize, seed: u64, origin: impl Fn(&mu
             assert!(kernel.any_hit(&ray), "{name} leaks {ray:?} (any hit)");
         }
     }
-}
-
-/// The surface of a box of `n` unit cubes each way, with all its grid lines.
-fn grid_box(n: u32, offset: Vec3) -> TriangleMesh {
-    let mut positions = Vec::new();
-    let mut indices = Vec::new();
-    for axis in 0..3 {
-        for side in [0, n] {
-            let base = u32::try_from(positions.len()).unwrap();
-            for j in 0..=n {
-                for i in 0..=n {
-                    let mut p = Vec3::ZERO;
-                    p[axis] = side as f32;
-                    p[(axis + 1) % 3] = i as f32;
-                    p[(axis + 2) % 3] = j as f32;
-                    positions.push(p + offset);
-                }
-            }
-            for j in 0..n {
-                for i in 0..n {
-                    let a = base + j * (n + 1) + i;
-                    let b = a + n + 1;
-                    indices.extend([[a, a + 1, b], [b, a + 1, b + 1]]);
-                }
-            }
-        }
-    }
-    TriangleMesh::new(positions, indices).unwrap()
 }
 
 #[test]
@@ -161,7 +125,7 @@ fn the_fast_mode_loses_what_the_watertight_one_keeps() {
     let mut rng = Rng::with_seed(1);
     let lost = (0..3_000).filter(|_| {
         let origin = point(&mut rng) * 0.25;
-        !fast.closest_hit(&Ray::new(origin, target(&mesh, &mut rng) - origin)).is_hit()
+        !fast.closest_hit(&Ray::new(origin, border_point(&mesh, &mut rng) - origin)).is_hit()
     });
     assert!(lost.count() > 100, "or the test above shows nothing");
 }
@@ -199,28 +163,11 @@ fn an_integer_grid_keeps_rays_along_its_lines() {
     }
 }
 
-/// An octahedron whose edges each have a corner in the middle that only one side knows; triangles
-/// without area close the seams.
-fn seamed(offset: Vec3) -> TriangleMesh {
-    let mut positions: Vec<Vec3> =
-        [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y, Vec3::Z, -Vec3::Z].map(|v| v * 3.0 + offset).into();
-    let mut indices = Vec::new();
-    for i in 0..4 {
-        let (a, b) = (i, (i + 1) % 4);
-        let middle = u32::try_from(positions.len()).unwrap();
-        positions.push((positions[a as usize] + positions[b as usize]) * 0.5);
-        // The upper half knows the middle of the edge, the lower does not.
-        indices.extend([[a, middle, 4], [middle, b, 4], [b, a, 5], [a, b, middle]]);
-    }
-    TriangleMesh::new(positions, indices).unwrap()
-}
-
 #[test]
 fn triangles_without_area_close_seams() {
     // The middles are exact, so that the closing triangles have no area at all.
     for offset in [Vec3::ZERO, Vec3::new(1.0, -2.0, 64.0)] {
-        let mesh = seamed(offset);
-        assert_eq!(mesh.triangles().filter(|t| t.area() == 0.0).count(), 4);
+        let mesh = seamed_octahedron(offset);
         let mut rng = Rng::with_seed(8);
         let kernels = kernels(&mesh, 1);
         for _ in 0..20_000 {
@@ -235,16 +182,56 @@ fn triangles_without_area_close_seams() {
     }
 }
 
+/// Corners on a line to the last bit: along an axis, a diagonal, with integer steps, or equal ones.
+fn flat_corners(rng: &mut Rng) -> [Vec3; 3] {
+    let (a, b) = (point(rng), point(rng));
+    let whole = |rng: &mut Rng| rng.i32(-9..10) as f32;
+    match rng.u8(0..8) {
+        0 => [a, a, b],
+        1 => [a, b, a],
+        2 => [b, a, a],
+        3 => [a, a, a],
+        4 => {
+            let axis = rng.usize(0..3);
+            [0; 3].map(|_| {
+                let mut on = a;
+                on[axis] = 3.0 * rng.f32();
+                on
+            })
+        }
+        5 => [0; 3].map(|_| Vec3::splat(rng.f32())),
+        // pbrt's.
+        6 => [-79.049_614, -87.092_27, -79.209_015].map(|y| Vec3::new(-1_113.454_6, y, -56.243_19)),
+        _ => {
+            let start = Vec3::new(whole(rng), whole(rng), whole(rng));
+            let step = Vec3::new(whole(rng), whole(rng), whole(rng));
+            [0.0, whole(rng), whole(rng)].map(|k| start + step * k)
+        }
+    }
+}
+
 #[test]
-fn triangles_with_two_equal_corners_are_never_hit() {
+fn triangles_without_area_that_close_nothing_are_never_hit() {
     let mut rng = Rng::with_seed(2);
     for _ in 0..2_000 {
-        let (a, b) = (point(&mut rng), point(&mut rng));
-        let corners = [[a, a, b], [a, b, a], [b, a, a], [a, a, a]][rng.usize(0..4)];
-        let mesh = TriangleMesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
-        let origin = point(&mut rng) * 3.0;
-        let ray = Ray::new(origin, a + (b - a) * rng.f32() - origin);
-        assert_eq!(brute_force(&mesh, &ray), Hit::MISS);
+        let corners = flat_corners(&mut rng);
+        let [a, b, c] = corners;
+        // A copy of it closes nothing.
+        let indices = vec![[0, 1, 2]; rng.usize(1..3)];
+        let mesh = TriangleMesh::new(corners.to_vec(), indices).unwrap();
+        let origin = a + point(&mut rng) * 3.0;
+        let aim = if rng.bool() { a + (b - a) * rng.f32() } else { c };
+        let ray = Ray::new(origin, aim - origin);
+        assert!(ray.direction != Vec3::ZERO);
+        for mode in Mode::ALL {
+            assert_eq!(brute_force_in(mode, &mesh, &ray), Hit::MISS, "{corners:?} {ray:?}");
+            let scene = WideScene::new_in(mode, &median_tree(&mesh, 2), &mesh).unwrap();
+            assert_eq!(scene.closest_hit(&ray), Hit::MISS, "{mode}: {corners:?} {ray:?}");
+        }
+        for (name, kernel) in kernels(&mesh, 2) {
+            assert_eq!(kernel.closest_hit(&ray), Hit::MISS, "{name}: {corners:?} {ray:?}");
+            assert!(!kernel.any_hit(&ray), "{name}: {corners:?} {ray:?}");
+        }
     }
 }
 

@@ -1,8 +1,7 @@
 //! The catalogue, and the exact answers to its rays.
 
 use super::worker::Row;
-use crate::verify::compare::{Reference, any, closest};
-use crate::verify::exact_answers;
+use crate::judge::{Reference, any, closest, exact_answers};
 use niwaki_core::{Hit, Intersector, Ray, TriangleMesh};
 use niwaki_hard_cases::{Closed, rays};
 
@@ -82,9 +81,14 @@ impl<'a> Judge<'a> {
     }
 
     /// How a kernel answers.
-    pub(crate) fn judge(&self, scene: &dyn Intersector) -> Row {
-        let (tally, wrong) = self.hits.compare(&closest(scene, self.rays));
-        let (any_tally, any_wrong) = self.flags.compare(&any(scene, self.rays));
+    pub(crate) fn ask(&self, scene: &dyn Intersector) -> (Vec<Hit>, Vec<bool>) {
+        (closest(scene, self.rays), any(scene, self.rays))
+    }
+
+    /// What its answers are worth.
+    pub(crate) fn judge(&self, (hits, flags): &(Vec<Hit>, Vec<bool>)) -> Row {
+        let (tally, wrong) = self.hits.compare(hits);
+        let (any_tally, any_wrong) = self.flags.compare(flags);
         Row {
             tally: tally.merge(any_tally),
             example: wrong.into_iter().chain(any_wrong).next(),

@@ -1,12 +1,12 @@
 //! What is tried: every builder of ours under every kernel, and the peers' own structures.
 
+use crate::judge::{BruteForce, each_kernel, each_kernel_of_other_widths, kernel_names};
 use crate::registry;
 use crate::results::Source;
-use crate::verify::kernels::{BruteForce, each_kernel};
 use anyhow::{Context as _, Result};
 use niwaki_core::{Builder, Intersector, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
-use niwaki_trace::{Kernel, Mode};
+use niwaki_trace::Mode;
 
 /// A builder of ours, or a structure of a peer.
 pub(crate) enum Engine {
@@ -70,7 +70,22 @@ impl Engine {
         }
     }
 
-    /// True for the one whose kernels get the most rays at closed surfaces.
+    /// All three names, which tell engines apart.
+    pub(crate) fn label(&self) -> String {
+        format!("{}:{}:{}", self.source().name(), self.name(), self.kernel().unwrap_or("all"))
+    }
+
+    /// The names of the kernels that [`Engine::each`] tries.
+    pub(crate) fn kernels(&self) -> Vec<String> {
+        match self {
+            Self::BruteForce => vec!["brute".to_owned(), "brute_fast".to_owned()],
+            Self::Ours(_) => kernel_names(self.is_main()),
+            _ => self.kernel().into_iter().map(str::to_owned).collect(),
+        }
+    }
+
+    /// True for the one whose kernels get the most rays at closed surfaces, and which is traced 4
+    /// and 16 wide as well.
     pub(crate) fn is_main(&self) -> bool {
         matches!(self, Self::Ours(builder) if builder.name() == MAIN)
     }
@@ -93,6 +108,9 @@ impl Engine {
             Self::Ours(builder) => {
                 let bvh = builder.build_mesh(mesh)?;
                 each_kernel(&bvh, mesh, |kernel, _, scene| f(kernel, scene))?;
+                if self.is_main() {
+                    each_kernel_of_other_widths(&bvh, mesh, |kernel, _, scene| f(kernel, scene))?;
+                }
             }
             Self::Embree { quality, robust } => {
                 let embree = embree.context("Embree is not loaded")?;
@@ -104,11 +122,6 @@ impl Engine {
         }
         Ok(())
     }
-}
-
-/// True for the fastest kernel of this processor, in any mode.
-pub(crate) fn is_fastest(kernel: &str) -> bool {
-    kernel.starts_with(Kernel::best().name())
 }
 
 /// True for kernels of ours that promise to let nothing out of a closed surface.

@@ -3,7 +3,10 @@
 
 mod cases;
 mod engines;
+mod journal;
+mod options;
 mod page;
+mod progress;
 mod summary;
 mod watch;
 mod worker;
@@ -12,174 +15,22 @@ use crate::machine;
 use crate::results::{Run, Source};
 use anyhow::{Context, Result, bail};
 use cases::Case;
-use clap::Args;
 use engines::Engine;
-use indicatif::{ProgressBar, ProgressStyle};
+use journal::{Journal, Known};
 use niwaki_peers::Embree;
-use serde::Serialize;
-use std::path::PathBuf;
+use progress::Progress;
+use serde::{Deserialize, Serialize};
 use std::process::{Command, ExitCode};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::time::Duration;
-use watch::{End, Outcome, Watch};
+use std::time::Instant;
+use watch::{End, News, Watch};
 use worker::Row;
 
-const EXAMPLES: &str = "\
-Examples:
-  cargo xtask stability
-      The whole catalogue: every builder and kernel, and the peers; some minutes on two cores.
-  cargo xtask stability --only integer_grid,closed_box --builders bonsai_p
-      Two cases and one builder.
-  cargo xtask stability --long
-      A billion rays from inside closed surfaces through each of the fastest kernels.
-  cargo xtask stability --quick
-      Few rays, for continuous integration.
-
-Output (in --out): stability.html (open it in a browser; it needs nothing else), stability.json with
-every row, csv/*.csv.
-
-Answers are compared with exact arithmetic: `wrong` is what no rounding excuses, `rounding` a hit
-that was lost or gained within a few units in the last place of a border. From inside a closed
-surface no ray may get out; each that does is a leak. docs/stability.md explains the columns.
-
-The exit code is 1 if anything of ours is wrong, panics, crashes or hangs, if a watertight kernel
-leaks, or if a builder of ours refuses a case.";
-
-/// What workers have to know as well.
-#[derive(Args, Clone, Debug)]
-pub(crate) struct StabilityOptions {
-    /// Our builders to try, separated by commas [default: all]
-    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
-    pub(crate) builders: Vec<String>,
-
-    /// Rays a case that are compared with exact answers, at most [default: 4400, with --quick 440]
-    #[arg(long, value_parser = crate::cli::parse_count, value_name = "COUNT")]
-    rays: Option<usize>,
-
-    /// Rays from inside closed surfaces, all surfaces together, through each kernel over the tree
-    /// of bonsai_p; a million at most through others [default: 10M, with --quick 100k]
-    #[arg(long, value_parser = crate::cli::parse_count, value_name = "COUNT")]
-    leak_rays: Option<usize>,
-
-    /// A billion rays from inside closed surfaces through each of the fastest kernels
-    #[arg(long, conflicts_with_all = ["leak_rays", "quick"])]
-    long: bool,
-
-    /// Few rays
-    #[arg(long)]
-    quick: bool,
-
-    /// Seed of rays
-    #[arg(long, default_value_t = 1)]
-    pub(crate) seed: u64,
-
-    /// Leave Embree and obvhs out
-    #[arg(long)]
-    pub(crate) no_peers: bool,
-}
-
-impl StabilityOptions {
-    pub(crate) fn rays(&self) -> usize {
-        self.rays.unwrap_or(if self.quick { 440 } else { 4400 })
-    }
-
-    /// Rays from inside one of so many closed surfaces, which has `triangles`.
-    pub(crate) fn leak_rays(
-        &self,
-        surfaces: usize,
-        triangles: usize,
-        engine: &Engine,
-        kernel: &str,
-    ) -> usize {
-        const BRUTE_FORCE_TESTS: usize = 40_000_000;
-        let total = match (self.leak_rays, self.long, self.quick) {
-            (Some(total), ..) => total,
-            (None, true, _) => 1_000_000_000,
-            (None, false, true) => 100_000,
-            (None, false, false) => 10_000_000,
-        };
-        let most = if engine.is_main() && engines::is_fastest(kernel) {
-            total
-        } else if engine.is_main() {
-            total.min(10_000_000)
-        } else {
-            total.min(1_000_000)
-        };
-        let count = most.div_ceil(surfaces);
-        match engine {
-            Engine::BruteForce => count.min(BRUTE_FORCE_TESTS / triangles.max(1)),
-            _ => count,
-        }
-    }
-
-    /// The arguments that say the same to a worker.
-    fn arguments(&self) -> Vec<String> {
-        let mut arguments = Vec::new();
-        let mut add = |name: &str, value: Option<String>| {
-            arguments.push(name.to_owned());
-            arguments.extend(value);
-        };
-        add("--seed", Some(self.seed.to_string()));
-        if !self.builders.is_empty() {
-            add("--builders", Some(self.builders.join(",")));
-        }
-        if let Some(rays) = self.rays {
-            add("--rays", Some(rays.to_string()));
-        }
-        if let Some(rays) = self.leak_rays {
-            add("--leak-rays", Some(rays.to_string()));
-        }
-        for (name, is_set) in
-            [("--long", self.long), ("--quick", self.quick), ("--no-peers", self.no_peers)]
-        {
-            if is_set {
-                add(name, None);
-            }
-        }
-        arguments
-    }
-}
-
-/// Arguments of `cargo xtask stability`.
-///
-/// Every case of the catalogue of hard cases is given to every builder under every kernel, to Embree
-/// and to obvhs, in processes of their own that are watched: counted are wrong answers, leaks of
-/// closed surfaces, panics, crashes and hangs.
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXAMPLES)]
-pub(crate) struct StabilityArgs {
-    #[command(flatten)]
-    options: StabilityOptions,
-
-    /// Only these cases, separated by commas [default: all; --list names them]
-    #[arg(long, value_delimiter = ',', value_name = "CASES")]
-    only: Vec<String>,
-
-    /// Processes at a time [default: as many as this process may use hardware threads]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024), value_name = "NUMBER")]
-    jobs: Option<u16>,
-
-    /// Seconds without a sign of life after which a process counts as hanging
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..), default_value_t = 120,
-          value_name = "SECONDS")]
-    patience: u64,
-
-    /// Fail if Embree is not there (by default it is left out with a note)
-    #[arg(long, conflicts_with = "no_peers")]
-    peers: bool,
-
-    /// Folder for the report
-    #[arg(long, default_value = "out/stability", value_name = "DIR")]
-    out: PathBuf,
-
-    /// Print the cases and what is hard about them, and stop
-    #[arg(long)]
-    list: bool,
-}
+pub(crate) use options::{StabilityArgs, StabilityOptions};
 
 /// The answers of a kernel over the tree of a builder, or how it ended.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Finding {
     pub(crate) case: String,
     pub(crate) source: Source,
@@ -187,8 +38,7 @@ pub(crate) struct Finding {
     pub(crate) builder: String,
     /// Empty where a builder ended before any kernel.
     pub(crate) kernel: String,
-    /// Answers, if there are any.
-    #[serde(flatten)]
+    /// Answers, if there are any: those up to then where it ended in another way.
     pub(crate) row: Option<Row>,
     /// How it ended, if not with answers.
     pub(crate) end: Option<End>,
@@ -249,15 +99,25 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<ExitCode> {
     let chosen: Vec<usize> = (0..cases.len())
         .filter(|&i| args.only.is_empty() || args.only.iter().any(|n| n == cases[i].name()))
         .collect();
-    let findings = try_all(args, &options, &cases, &chosen, &engines)?;
+    let (journal, known) = Journal::open(&args.out, depends_on(args, &options, &run), args.resume)?;
+    let (journal, started) = (Mutex::new(journal), Instant::now());
+    let findings = try_all(args, &options, &cases, &chosen, &engines, known, &journal)?;
+    println!("{} cases in {:.0?}", chosen.len(), started.elapsed());
     let described = chosen.iter().map(|&i| &cases[i]);
     let catalogue = Catalogue {
-        schema: 1,
+        schema: 2,
         run,
         cases: described.map(|c| (c.name().into(), c.why().into(), c.mesh().len())).collect(),
         findings,
     };
     finish(args, &catalogue)
+}
+
+/// What findings depend on, as the journal has it. Not `--only`, since cases know nothing of each
+/// other.
+fn depends_on(args: &StabilityArgs, options: &StabilityOptions, run: &Run) -> Vec<String> {
+    let limit = format!("{} s", args.peer_limit().as_secs());
+    options.arguments().into_iter().chain([limit]).chain(run.peers.iter().cloned()).collect()
 }
 
 /// Tries all engines at the chosen cases, in as many processes as there are jobs.
@@ -267,6 +127,8 @@ fn try_all(
     cases: &[Case],
     chosen: &[usize],
     engines: &[Engine],
+    known: Known,
+    journal: &Mutex<Journal>,
 ) -> Result<Vec<Finding>> {
     let program = std::env::current_exe().context("cannot find this program")?;
     let arguments = options.arguments();
@@ -276,53 +138,81 @@ fn try_all(
         command.arg("stability-worker").args(&arguments).env("RAYON_NUM_THREADS", "1");
         command
     };
+    let limit =
+        |engine: usize| (engines[engine].source() != Source::Niwaki).then(|| args.peer_limit());
+    let mut tasks: Vec<(usize, Vec<usize>)> = chosen
+        .iter()
+        .map(|&case| {
+            let is_new = |engine: &Engine| {
+                !known.contains_key(&(cases[case].name().to_owned(), engine.label()))
+            };
+            (case, (0..engines.len()).filter(|&engine| is_new(&engines[engine])).collect())
+        })
+        .collect();
+    tasks.retain(|(_, engines)| !engines.is_empty());
+    // The long ones first, so that no process works alone at the end.
+    tasks.sort_by_key(|&(case, _)| {
+        let is_closed = matches!(cases[case], Case::Closed(_));
+        std::cmp::Reverse((is_closed, cases[case].mesh().len()))
+    });
     let jobs = args.jobs.map_or_else(machine::cores, usize::from).clamp(1, chosen.len().max(1));
-    let numbers: Vec<usize> = (0..engines.len()).collect();
-    let bar = ProgressBar::new((chosen.len() * engines.len()) as u64).with_style(
-        ProgressStyle::with_template("{elapsed_precise} {bar:30} {pos}/{len} {msg}")
-            .context("progress style")?,
-    );
-    bar.enable_steady_tick(Duration::from_millis(200));
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let progress = Progress::new(jobs, cases, engines, &tasks, options)?;
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(known);
     std::thread::scope(|scope| -> Result<()> {
-        let work = || -> Result<()> {
-            let mut watch = Watch::new(&command, Duration::from_secs(args.patience));
-            while let Some(&case) = chosen.get(next.fetch_add(1, Relaxed)) {
-                let name = cases[case].name();
-                bar.set_message(name);
-                let mut last = None;
-                watch.run(case, &numbers, |engine, outcome| {
-                    if last.replace(engine) != Some(engine) {
-                        bar.inc(1);
-                    }
-                    let finding = Finding::new(name, &engines[engine], outcome);
-                    if let Ok(mut found) = found.lock() {
-                        found.push((case, engine, finding));
+        let work = |job: usize| -> Result<()> {
+            let mut watch = Watch::new(&command, args.patience(), &limit);
+            while let Some((case, numbers)) = tasks.get(next.fetch_add(1, Relaxed)) {
+                let name = cases[*case].name();
+                let mut here = Vec::new();
+                let mut failure = None;
+                progress.case(job, name);
+                watch.run(*case, numbers, |number, news| {
+                    let engine = &engines[number];
+                    progress.news(job, engine, &news);
+                    if let News::Over = news {
+                        let findings = std::mem::take(&mut here);
+                        let written = journal.lock().map(|mut j| j.add(name, engine, &findings));
+                        failure = failure.take().or(written.ok().and_then(Result::err));
+                        if let Ok(mut found) = found.lock() {
+                            found.insert((name.to_owned(), engine.label()), findings);
+                        }
+                    } else {
+                        here.extend(Finding::new(name, engine, news));
                     }
                 })?;
+                if let Some(failure) = failure {
+                    return Err(failure);
+                }
+                progress.end_of_case(job, name);
             }
             Ok(())
         };
-        let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(work)).collect();
+        let threads: Vec<_> = (0..jobs).map(|job| scope.spawn(move || work(job))).collect();
         for thread in threads {
             thread.join().map_err(|_| anyhow::anyhow!("a watch panicked"))??;
         }
         Ok(())
     })?;
-    bar.finish_and_clear();
+    progress.end();
     let mut found = found.into_inner().unwrap_or_default();
+    let places = chosen.iter().flat_map(|&case| engines.iter().map(move |engine| (case, engine)));
     // Kernels of one engine are in the order in which they answered.
-    found.sort_by_key(|(case, engine, _)| (*case, *engine));
-    Ok(found.into_iter().map(|(.., finding)| finding).collect())
+    Ok(places
+        .filter_map(|(case, engine)| found.remove(&(cases[case].name().into(), engine.label())))
+        .flatten()
+        .collect())
 }
 
 impl Finding {
-    fn new(case: &str, engine: &Engine, outcome: Outcome) -> Self {
-        let (kernel, row, end, what) = match outcome {
-            Outcome::Answered(row) => (Some(row.kernel.clone()), Some(row), None, None),
-            Outcome::Ended { kernel, end, what } => (kernel, None, Some(end), Some(what)),
+    /// `None` for what is no result yet.
+    fn new(case: &str, engine: &Engine, news: News) -> Option<Self> {
+        let (kernel, row, end, what) = match news {
+            News::Answered(kernel, row) => (Some(kernel), Some(row), None, None),
+            News::Ended { kernel, row, end, what } => (kernel, row, Some(end), Some(what)),
+            News::Begins(_) | News::SoFar(_) | News::Over => return None,
         };
-        Self {
+        Some(Self {
             case: case.to_owned(),
             source: engine.source(),
             builder: engine.name().to_owned(),
@@ -330,7 +220,7 @@ impl Finding {
             row,
             end,
             what,
-        }
+        })
     }
 
     /// True if it must not be.

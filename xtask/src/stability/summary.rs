@@ -1,10 +1,10 @@
 //! What a person reads of a catalogue.
 
 use super::{Catalogue, Finding, engines};
+use crate::judge::Tally;
 use crate::report::table::{Best, Cell, Table};
 use crate::results::Source;
 use crate::stability::watch::End;
-use crate::verify::ledger::Tally;
 
 /// Findings of one kernel, or of one structure of a peer.
 #[derive(Clone, Debug, Default)]
@@ -126,33 +126,28 @@ fn by_subject(catalogue: &Catalogue) -> Table {
     table
 }
 
-/// Surfaces against subjects.
+/// Subjects against surfaces.
 fn leaks(catalogue: &Catalogue) -> Table {
-    let subjects: Vec<String> = subjects(catalogue)
-        .into_iter()
-        .filter(|name| {
-            catalogue
-                .findings
-                .iter()
-                .any(|f| subject(f) == *name && f.row.as_ref().is_some_and(|row| row.inside > 0))
-        })
+    let rate = |case: &str, name: &str| {
+        let here = catalogue.findings.iter().filter(|f| f.case == case && subject(f) == name);
+        Sum::of(here).leaks_per_million()
+    };
+    let subjects = subjects(catalogue);
+    let surfaces: Vec<&str> = catalogue
+        .cases
+        .iter()
+        .map(|(case, ..)| case.as_str())
+        .filter(|case| subjects.iter().any(|name| rate(case, name).is_some()))
         .collect();
-    let mut table = Table::new("leaks").column("surface", Best::Neither);
-    for name in &subjects {
-        table = table.column_with_digits(name.replace(' ', "\n"), Best::Low, 1);
+    let mut table = Table::new("leaks").column("kernel", Best::Neither);
+    for surface in &surfaces {
+        table = table.column_with_digits(surface.replacen('_', "\n", 1), Best::Low, 1);
     }
-    for (case, ..) in &catalogue.cases {
-        let sums: Vec<Option<f64>> = subjects
-            .iter()
-            .map(|name| {
-                let here = catalogue.findings.iter();
-                let here = here.filter(|f| f.case == *case && subject(f) == *name);
-                Sum::of(here).leaks_per_million()
-            })
-            .collect();
-        if sums.iter().any(Option::is_some) {
-            let cells = sums.into_iter().map(Cell::from);
-            table.push(std::iter::once(Cell::from(case.as_str())).chain(cells).collect());
+    for name in &subjects {
+        let rates: Vec<_> = surfaces.iter().map(|surface| rate(surface, name)).collect();
+        if rates.iter().any(Option::is_some) {
+            let cells = rates.into_iter().map(Cell::from);
+            table.push(std::iter::once(Cell::from(name.as_str())).chain(cells).collect());
         }
     }
     table

@@ -1,15 +1,17 @@
 //! A worker process and the watch over it.
 
 use super::worker::{Event, Row};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How the attempt of an engine at a case ended, if not with answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum End {
     /// It said that it does not take the case.
@@ -34,20 +36,115 @@ impl End {
     }
 }
 
-/// What came of an engine's attempt at a case.
+/// What becomes of an engine's attempt at a case, in the order in which it happens.
 #[derive(Clone, Debug)]
-pub(crate) enum Outcome {
+pub(crate) enum News {
+    /// A kernel of it begins.
+    Begins(String),
+    /// What the kernel's answers have come to so far.
+    SoFar(Row),
     /// A kernel has answered.
-    Answered(Row),
-    /// It ended in another way; the kernel at work, where one was, and what was said.
-    Ended { kernel: Option<String>, end: End, what: String },
+    Answered(String, Row),
+    /// It ended in another way; the kernel at work, where one was, its answers up to then, and what
+    /// was said.
+    Ended { kernel: Option<String>, row: Option<Row>, end: End, what: String },
+    /// Nothing more will come.
+    Over,
 }
 
-/// Starts worker processes as they are needed, and kills those that show no sign of life.
+/// Starts worker processes as they are needed, and kills those that show no sign of life, or take
+/// too long.
 pub(crate) struct Watch<'a> {
     command: &'a dyn Fn() -> Command,
     patience: Duration,
+    /// The time that an engine may take for a case, where it is limited.
+    limit: &'a dyn Fn(usize) -> Option<Duration>,
     worker: Option<Worker>,
+}
+
+/// How long a worker may go on.
+struct Clock {
+    /// How long it may be silent.
+    patience: Duration,
+    last_event: Instant,
+    worker: u32,
+    start: Instant,
+    /// The rest of the time that the engine may take.
+    left: Option<Duration>,
+    /// The worker's time when that began to run; `None` while exact answers are found.
+    running: Option<Duration>,
+}
+
+impl Clock {
+    /// Exact arithmetic ends, but on hard cases it may take its time.
+    const JUDGING: u32 = 20;
+
+    fn new(patience: Duration, worker: u32) -> Self {
+        let now = Instant::now();
+        Self { patience, last_event: now, worker, start: now, left: None, running: None }
+    }
+
+    /// The worker's, on whatever it spent it; of the wall where the system does not tell.
+    fn now(&self) -> Duration {
+        processor_time(self.worker).unwrap_or_else(|| self.start.elapsed())
+    }
+
+    fn start(&mut self, left: Option<Duration>) {
+        (self.left, self.running) = (left, Some(self.now()));
+    }
+
+    fn stop(&mut self) {
+        // It has answered, if only just.
+        self.left = self.left().map(|left| left.max(Duration::from_millis(1)));
+        self.running = None;
+    }
+
+    fn go_on(&mut self) {
+        self.last_event = Instant::now();
+        if self.running.is_none() {
+            self.running = Some(self.now());
+        }
+    }
+
+    /// `None` where nothing is limited, or nothing runs.
+    fn left(&self) -> Option<Duration> {
+        let (left, since) = (self.left?, self.running?);
+        Some(left.saturating_sub(self.now().saturating_sub(since)))
+    }
+
+    fn silence_left(&self) -> Duration {
+        let patience =
+            if self.running.is_none() { self.patience * Self::JUDGING } else { self.patience };
+        patience.saturating_sub(self.last_event.elapsed())
+    }
+
+    /// No time is over before.
+    fn wait(&self) -> Duration {
+        let silence = self.silence_left();
+        self.left().map_or(silence, |left| silence.min(left)).max(Duration::from_millis(5))
+    }
+
+    /// Why it may not go on any more.
+    fn verdict(&self) -> Option<&'static str> {
+        if self.left() == Some(Duration::ZERO) {
+            Some("not finished after")
+        } else {
+            (self.silence_left() == Duration::ZERO).then_some("no sign of life for")
+        }
+    }
+}
+
+/// What all threads of a process have had of processors, where Linux tells: on a busy machine, a
+/// process is not slow because it has to wait.
+fn processor_time(process: u32) -> Option<Duration> {
+    let mut sum = 0;
+    for thread in std::fs::read_dir(format!("/proc/{process}/task")).ok()? {
+        // Threads may end meanwhile.
+        let text = std::fs::read_to_string(thread.ok()?.path().join("schedstat"));
+        let nanoseconds = text.ok().and_then(|t| t.split(' ').next()?.parse::<u64>().ok());
+        sum += nanoseconds.unwrap_or(0);
+    }
+    (sum > 0).then(|| Duration::from_nanos(sum))
 }
 
 struct Worker {
@@ -105,8 +202,12 @@ impl Drop for Worker {
 
 impl<'a> Watch<'a> {
     /// A watch over processes that `command` starts.
-    pub(crate) fn new(command: &'a dyn Fn() -> Command, patience: Duration) -> Self {
-        Self { command, patience, worker: None }
+    pub(crate) fn new(
+        command: &'a dyn Fn() -> Command,
+        patience: Duration,
+        limit: &'a dyn Fn(usize) -> Option<Duration>,
+    ) -> Self {
+        Self { command, patience, limit, worker: None }
     }
 
     /// Lets a worker try engines at a case, a new one after each that died or hung, and reports
@@ -118,7 +219,7 @@ impl<'a> Watch<'a> {
         &mut self,
         case: usize,
         engines: &[usize],
-        mut report: impl FnMut(usize, Outcome),
+        mut report: impl FnMut(usize, News),
     ) -> Result<()> {
         let mut rest = engines;
         while !rest.is_empty() {
@@ -131,35 +232,60 @@ impl<'a> Watch<'a> {
             // If it cannot be written to, it died, and the channel says so.
             let _ = writeln!(worker.input, "{}", numbers.join(" "));
             let mut engine = None;
-            let mut kernel = None;
+            let (mut kernel, mut so_far) = (None, None);
+            // Before the first engine begins, it finds the exact answers.
+            let mut clock = Clock::new(self.patience, worker.child.id());
+            let mut tell = |engine: Option<usize>, news| {
+                if let Some(engine) = engine {
+                    report(engine, news);
+                }
+            };
             let end = loop {
-                match worker.events.recv_timeout(self.patience) {
+                let event = worker.events.recv_timeout(clock.wait());
+                if event.is_ok() {
+                    clock.go_on();
+                }
+                match event {
                     Ok(Event::Done) => {
                         rest = &[];
                         break None;
                     }
-                    Ok(Event::Alive) => {}
                     Ok(Event::Engine(number)) => {
+                        tell(engine, News::Over);
                         let place = rest.iter().position(|&e| e == number);
                         rest = &rest[place.map_or(rest.len(), |place| place + 1)..];
-                        (engine, kernel) = (Some(number), None);
+                        (engine, kernel, so_far) = (Some(number), None, None);
+                        clock.start((self.limit)(number));
                     }
-                    Ok(Event::Kernel(name)) => kernel = Some(name),
-                    Ok(Event::Row(row)) => {
-                        kernel = None;
-                        engine.into_iter().for_each(|e| report(e, Outcome::Answered(row.clone())));
+                    Ok(Event::Kernel(name)) => {
+                        (kernel, so_far) = (Some(name.clone()), None);
+                        tell(engine, News::Begins(name));
+                    }
+                    Ok(Event::Judging) => clock.stop(),
+                    Ok(Event::SoFar(row)) => {
+                        so_far = Some(row.clone());
+                        tell(engine, News::SoFar(row));
+                    }
+                    Ok(Event::Row(name, row)) => {
+                        (kernel, so_far) = (None, None);
+                        tell(engine, News::Answered(name, row));
                     }
                     Ok(Event::Refused(what)) => {
-                        let ended = Outcome::Ended { kernel: None, end: End::Refused, what };
-                        engine.into_iter().for_each(|e| report(e, ended.clone()));
+                        let end = End::Refused;
+                        tell(engine, News::Ended { kernel: None, row: None, end, what });
                     }
                     Ok(Event::Panicked(what)) => {
-                        let kernel = kernel.take();
-                        let ended = Outcome::Ended { kernel, end: End::Panic, what };
-                        engine.into_iter().for_each(|e| report(e, ended.clone()));
+                        let (kernel, row) = (kernel.take(), so_far.take());
+                        tell(engine, News::Ended { kernel, row, end: End::Panic, what });
                     }
                     Err(RecvTimeoutError::Timeout) => {
-                        break Some((End::Hang, format!("nothing for {:?}", self.patience)));
+                        let Some(verdict) = clock.verdict() else { continue };
+                        let time = if clock.left() == Some(Duration::ZERO) {
+                            engine.and_then(self.limit).unwrap_or(self.patience)
+                        } else {
+                            self.patience
+                        };
+                        break Some((End::Hang, format!("{verdict} {} s", time.as_secs())));
                     }
                     Err(RecvTimeoutError::Disconnected) => {
                         let status = worker.child.wait().context("cannot wait for a worker")?;
@@ -171,11 +297,12 @@ impl<'a> Watch<'a> {
                 if let Some(words) = self.worker.take().and_then(Worker::bury) {
                     what = format!("{what}, {words}");
                 }
-                let engine = engine.with_context(|| {
-                    format!("a worker failed before its first engine: {}, {what}", end.name())
-                })?;
-                report(engine, Outcome::Ended { kernel, end, what });
+                if engine.is_none() {
+                    bail!("a worker failed before its first engine: {}, {what}", end.name());
+                }
+                tell(engine, News::Ended { kernel, row: so_far, end, what });
             }
+            tell(engine, News::Over);
         }
         Ok(())
     }
@@ -185,35 +312,45 @@ impl<'a> Watch<'a> {
 mod tests {
     use super::*;
 
-    /// What a worker that runs a shell script comes to, for engines 4, 5 and 6 of case 1.
+    /// What a worker that runs a shell script comes to, for engines 4, 5 and 6 of case 1. Engine 5
+    /// has one second.
     fn outcomes(script: &str) -> Result<Vec<(usize, String)>> {
         let command = || {
             let mut command = Command::new("sh");
             command.args(["-c", script]);
             command
         };
+        let limit = |engine| (engine == 5).then(|| Duration::from_secs(1));
         let mut seen = Vec::new();
-        let mut watch = Watch::new(&command, Duration::from_secs(3));
-        watch.run(1, &[4, 5, 6], |engine, outcome| {
-            seen.push((
-                engine,
-                match outcome {
-                    Outcome::Answered(row) => row.kernel,
-                    Outcome::Ended { kernel, end: End::Crash, what } => {
-                        assert!(what.ends_with("last words"), "{what}");
-                        format!("crash in {kernel:?}")
-                    }
-                    Outcome::Ended { kernel, end, .. } => format!("{} in {kernel:?}", end.name()),
-                },
-            ));
+        let mut watch = Watch::new(&command, Duration::from_secs(3), &limit);
+        watch.run(1, &[4, 5, 6], |engine, news| {
+            let what = match news {
+                News::Begins(_) | News::SoFar(_) => return,
+                News::Answered(kernel, _) => kernel,
+                News::Ended { kernel, end: End::Crash, what, .. } => {
+                    assert!(what.ends_with("last words"), "{what}");
+                    format!("crash in {kernel:?}")
+                }
+                News::Ended { kernel, row, end, .. } => {
+                    let inside = row.map(|row| row.inside);
+                    format!("{} in {kernel:?} after {inside:?}", end.name())
+                }
+                News::Over => "over".to_owned(),
+            };
+            seen.push((engine, what));
         })?;
         Ok(seen)
     }
 
+    fn expected(what: &[(usize, &str)]) -> Vec<(usize, String)> {
+        what.iter().map(|&(engine, what)| (engine, what.to_owned())).collect()
+    }
+
     const ANSWER: &str = r#"
+        row='{"tally":{"rays":1,"tie":0,"rounding":0,"ours_rounded":0,"peer_rounded":0,"peer_wrong":0,"ours_wrong":0},"illegal":0,"inside":7,"leaks":0,"example":null}'
         answer() { for e in "$@"; do
             echo "{\"Engine\":$e}"
-            echo "{\"Row\":{\"kernel\":\"k$e\",\"tally\":{\"rays\":1,\"tie\":0,\"rounding\":0,\"ours_rounded\":0,\"peer_rounded\":0,\"peer_wrong\":0,\"ours_wrong\":0},\"illegal\":0,\"inside\":0,\"leaks\":0,\"example\":null}}"
+            echo "{\"Row\":[\"k$e\",$row]}"
         done; }
         read case engines
     "#;
@@ -228,8 +365,15 @@ mod tests {
                 *) answer $engines; echo '\"Done\"' ;;
             esac"
         );
-        let expected = [(4, "k4"), (5, "crash in Some(\"fast\")"), (6, "k6")];
-        assert_eq!(outcomes(&script).unwrap(), expected.map(|(e, s)| (e, s.to_owned())));
+        let expected = expected(&[
+            (4, "k4"),
+            (4, "over"),
+            (5, "crash in Some(\"fast\")"),
+            (5, "over"),
+            (6, "k6"),
+            (6, "over"),
+        ]);
+        assert_eq!(outcomes(&script).unwrap(), expected);
     }
 
     #[test]
@@ -242,8 +386,37 @@ mod tests {
                 *) answer $engines; echo '\"Done\"' ;;
             esac"
         );
-        let expected = [(4, "panic in Some(\"fast\")"), (5, "hang in None"), (6, "k6")];
-        assert_eq!(outcomes(&script).unwrap(), expected.map(|(e, s)| (e, s.to_owned())));
+        let expected = expected(&[
+            (4, "panic in Some(\"fast\") after None"),
+            (4, "over"),
+            (5, "hang in None after None"),
+            (5, "over"),
+            (6, "k6"),
+            (6, "over"),
+        ]);
+        assert_eq!(outcomes(&script).unwrap(), expected);
+    }
+
+    #[test]
+    fn one_that_takes_too_long_keeps_what_it_had_and_is_not_charged_for_our_judging() {
+        let script = format!(
+            "{ANSWER}
+            case $engines in
+                4*) answer 4; echo '{{\"Engine\":5}}'; echo '{{\"Kernel\":\"fast\"}}'
+                    echo '\"Judging\"'; sleep 2; echo \"{{\\\"SoFar\\\":$row}}\"
+                    while :; do :; done ;;
+                *) answer $engines; echo '\"Done\"' ;;
+            esac"
+        );
+        let expected = expected(&[
+            (4, "k4"),
+            (4, "over"),
+            (5, "hang in Some(\"fast\") after Some(7)"),
+            (5, "over"),
+            (6, "k6"),
+            (6, "over"),
+        ]);
+        assert_eq!(outcomes(&script).unwrap(), expected);
     }
 
     #[test]

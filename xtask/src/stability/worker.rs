@@ -6,8 +6,7 @@
 use super::StabilityOptions;
 use super::cases::{Case, Exact, Judge};
 use super::engines::Engine;
-use crate::verify::compare::{any, closest};
-use crate::verify::ledger::Tally;
+use crate::judge::{Tally, any, closest};
 use anyhow::{Context, Result};
 use niwaki_core::{Intersector, TriangleMesh};
 use niwaki_hard_cases::{Closed, bad_rays};
@@ -17,18 +16,21 @@ use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 /// What a worker says.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) enum Event {
-    /// Work goes on.
-    Alive,
     /// An engine begins.
     Engine(usize),
     /// A kernel of it begins.
     Kernel(String),
+    /// It has answered; from here on it is our time that passes.
+    Judging,
+    /// What its answers have come to so far.
+    SoFar(Row),
     /// A kernel of it has answered all rays.
-    Row(Row),
+    Row(String, Row),
     /// It would not take the case, and says why.
     Refused(String),
     /// It panicked.
@@ -40,7 +42,6 @@ pub(crate) enum Event {
 /// What the answers of a kernel to the rays of a case came to.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Row {
-    pub(crate) kernel: String,
     /// Against the exact answers; closest and any hit together.
     pub(crate) tally: Tally,
     /// Rays that hit nothing by definition (NaN, an empty range), and yet were answered by a hit.
@@ -56,8 +57,11 @@ pub(crate) struct Row {
 /// The case whose illegal rays are traced as well.
 const ILLEGAL: &str = "one";
 
-/// Rays between two signs of life.
-const CHUNK: usize = 1 << 15;
+/// Rays of one seed.
+const CHUNK: usize = 1 << 12;
+
+/// Time between two signs of life.
+const PULSE: Duration = Duration::from_millis(250);
 
 /// The last panic's message and place.
 static PANIC: Mutex<String> = Mutex::new(String::new());
@@ -88,23 +92,24 @@ pub(crate) fn run(options: &StabilityOptions) -> Result<ExitCode> {
                 let exact = Exact::new(open, options.rays(), options.seed);
                 let judge = Judge::new(&open.mesh, &exact);
                 worker.each(chosen, &engines, |kernel, scene, _| {
-                    let mut row = judge.judge(scene);
-                    row.kernel = kernel.to_owned();
-                    say(&Event::Row(row));
+                    let answers = judge.ask(scene);
+                    say(&Event::Judging);
+                    say(&Event::Row(kernel.to_owned(), judge.judge(&answers)));
                     // A kernel looks at a ray before any triangle, so one case will do. Peers may
                     // end the process here; the row above has been told by then.
                     if open.name == ILLEGAL {
                         say(&Event::Kernel(format!("{kernel}, illegal rays")));
                         let illegal = illegal(&open.mesh, scene);
-                        let kernel = kernel.to_owned();
-                        say(&Event::Row(Row { kernel, illegal, ..Row::default() }));
+                        say(&Event::Row(kernel.to_owned(), Row { illegal, ..Row::default() }));
                     }
                 });
             }
             Case::Closed(closed) => {
                 worker.each(chosen, &engines, |kernel, scene, engine| {
-                    let count = options.leak_rays(surfaces, closed.mesh.len(), engine, kernel);
-                    say(&Event::Row(leaks(closed, kernel, scene, count, options.seed)));
+                    let triangles = closed.mesh.len();
+                    let count = options.leak_rays(surfaces, triangles, engine, kernel);
+                    let seed = options.leak_seed(engine, kernel);
+                    say(&Event::Row(kernel.to_owned(), leaks(closed, scene, count, seed)));
                 });
             }
         }
@@ -164,12 +169,18 @@ fn illegal(mesh: &TriangleMesh, scene: &dyn Intersector) -> u64 {
     bad_rays(mesh).iter().filter(|ray| hits(ray)).count() as u64
 }
 
-/// Counts rays that get out of a closed surface, in either query.
-fn leaks(closed: &Closed, kernel: &str, scene: &dyn Intersector, count: usize, seed: u64) -> Row {
-    let mut row = Row { kernel: kernel.to_owned(), ..Row::default() };
+/// Counts rays that get out of a closed surface, in either query. Half of the rays are asked about
+/// one by one, half in batches.
+fn leaks(closed: &Closed, scene: &dyn Intersector, count: usize, seed: u64) -> Row {
+    let mut row = Row::default();
+    let mut last = Instant::now();
     for (chunk, start) in (0..count).step_by(CHUNK).enumerate() {
         let rays = closed.rays_from_inside(CHUNK.min(count - start), seed + chunk as u64);
-        let (hits, flags) = (closest(scene, &rays), any(scene, &rays));
+        let (hits, flags) = if chunk % 2 == 0 {
+            (closest(scene, &rays), any(scene, &rays))
+        } else {
+            rays.iter().map(|ray| (scene.closest_hit(ray), scene.any_hit(ray))).unzip()
+        };
         for ((ray, hit), flag) in rays.iter().zip(hits).zip(flags) {
             row.inside += 1;
             if !(hit.is_hit() && flag) {
@@ -179,7 +190,10 @@ fn leaks(closed: &Closed, kernel: &str, scene: &dyn Intersector, count: usize, s
                     .get_or_insert_with(|| format!("ray from {origin:?} along {direction:?}"));
             }
         }
-        say(&Event::Alive);
+        if last.elapsed() >= PULSE {
+            last = Instant::now();
+            say(&Event::SoFar(row.clone()));
+        }
     }
     row
 }

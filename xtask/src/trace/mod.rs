@@ -8,11 +8,11 @@ pub(crate) use args::TraceArgs;
 
 use crate::{
     bench::{pool, progress::Progress, timing::median},
+    judge::BruteForce,
     machine,
     registry::{self, TreeBuilder},
     results::Source,
     scenes::SceneSpec,
-    verify::kernels::BruteForce,
 };
 use anyhow::{Context, Result, bail, ensure};
 use args::Mode;

@@ -2,11 +2,10 @@
 
 use super::{
     Options,
-    compare::{Reference, any, closest},
-    kernels::each_kernel,
-    ledger::{Absent, Culprit, Ledger, Row, Tally},
+    ledger::{Absent, Culprit, Ledger, Row},
     trees::{build_and_check, check_peer},
 };
+use crate::judge::{Reference, Tally, any, closest, each_kernel};
 use niwaki_core::{Builder, Hit, Intersector, Ray};
 use niwaki_peers::{
     Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, PeerBuild, PeerError, Quality,

@@ -1,15 +1,11 @@
 //! `cargo xtask verify`: every builder × kernel against brute force and peers, with an exact
 //! arbiter.
 
-pub(crate) mod compare;
 mod full;
 mod hard;
-pub(crate) mod kernels;
-pub(crate) mod ledger;
+mod ledger;
 mod print;
 mod trees;
-
-pub(crate) use hard::exact_answers;
 
 use crate::{cli::VerifyArgs, registry, scenes::SceneSpec};
 use anyhow::Context;

@@ -1,6 +1,7 @@
 //! What a person reads at the end of a verification.
 
-use super::ledger::{Ledger, Tally};
+use super::ledger::Ledger;
+use crate::judge::Tally;
 use crate::report::table::{Best, Table};
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! Tracing of ray sets and comparison of our answers with reference answers.
 
-use super::ledger::{Tally, describe, describe_hit};
+use super::tally::{Tally, describe, describe_hit};
 use niwaki_core::{Hit, Intersector, Ray, TriangleMesh};
 use niwaki_exact::{SettleOptions, Side, Verdict, settle_any_with, settle_with};
 use rayon::prelude::*;
