@@ -1,7 +1,11 @@
 //! What a kernel needs of a ray, computed once.
 
 use crate::scale::SceneScale;
-use niwaki_core::{Hit, Ray, glam::Vec3, glam::Vec3A};
+use niwaki_core::{
+    Hit, Ray,
+    float::{round_down, round_up},
+    glam::{Vec3, Vec3A},
+};
 
 /// A ray in the scaled coordinates of a scene, and its way back.
 #[derive(Clone, Copy, Debug)]
@@ -66,8 +70,9 @@ impl RaySetup {
         let direction = (ray.direction.as_dvec3() * factor).as_vec3();
         // origin·s + t'·(direction·k) = s·(origin + t·direction) with t' = t·s/k.
         let t_factor = f64::from(scale.factor) / factor;
-        let t_min = to_f32(f64::from(t_min) * t_factor);
-        let t_max = to_f32(f64::from(t_max) * t_factor).min(f32::MAX);
+        // Inward: what is denormal rounds, and no hit may come out of the ray's own range.
+        let t_min = round_up(f64::from(t_min) * t_factor);
+        let t_max = round_down(f64::from(t_max) * t_factor).min(f32::MAX);
         (t_min <= t_max).then_some(Self {
             origin,
             direction,
