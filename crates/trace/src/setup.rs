@@ -14,7 +14,7 @@ pub struct RaySetup {
     pub(crate) direction: Vec3,
     /// At least +0.0, so that the bits of distances sort like integers.
     pub(crate) t_min: f32,
-    /// Finite.
+    /// Finite, and at least +0.0 as well.
     pub(crate) t_max: f32,
     /// What scaled distances are divided by.
     t_factor: f64,
@@ -34,7 +34,8 @@ impl RaySetup {
         let length = ray.direction.abs();
         let distance = ray.origin.abs();
         // f32::MAX as the last distance: a hit beyond could not be told from a miss.
-        let t_max = if ray.t_max < f32::MAX { ray.t_max } else { f32::MAX };
+        // Adding zero makes −0.0 +0.0.
+        let t_max = if ray.t_max < f32::MAX { ray.t_max + 0.0 } else { f32::MAX };
         let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
         // Unit directions, and all others of moderate length, stay as they are. Sums keep NaN,
         // for which each comparison is false.

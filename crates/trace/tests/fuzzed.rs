@@ -1,8 +1,8 @@
 //! What fuzz targets have found, each case by what it is.
 
-use niwaki_core::{Hit, Intersector, Ray, TriangleMesh, glam::Vec3};
+use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh, glam::Vec3};
 use niwaki_exact::{Verdict, closest_in_mesh, settle};
-use niwaki_hard_cases::median_tree;
+use niwaki_hard_cases::{median_tree, soup_mesh};
 use niwaki_trace::{BinaryScene, Mode, WideScene, brute_force_in};
 use niwaki_wide::{CollapseSettings, WideBvh};
 
@@ -91,4 +91,32 @@ fn hits_of_denormal_rays_are_in_range() {
             assert_ne!(settle(&ray, &mesh, &hit, &exact), Verdict::OursWrong, "{name}: {hit:?}");
         });
     }
+}
+
+#[test]
+fn minus_zero_is_the_end_of_a_range_as_zero_is() {
+    let mesh = soup_mesh(60, 0.8, 4);
+    let bvh = median_tree(&mesh, 1);
+    fn each_width<const W: usize>(bvh: &Bvh, mesh: &TriangleMesh)
+    where
+        WideScene<W>: Intersector,
+    {
+        for mode in Mode::ALL {
+            let wide = WideBvh::<W>::collapse(bvh, &CollapseSettings::default()).unwrap();
+            let scene = WideScene::build_in(mode, wide, mesh).unwrap();
+            for kernel in WideScene::<W>::kernels() {
+                let scene = scene.clone().with_kernel(kernel).unwrap();
+                let rays = mesh
+                    .triangles()
+                    .map(|t| Ray::new((t.v0 + t.v1 + t.v2) / 3.0 - Vec3::X * 0.01, Vec3::X));
+                for ray in rays {
+                    let any = [0.0, -0.0].map(|end| scene.any_hit(&ray.with_range(-0.0, end)));
+                    assert_eq!(any, [false; 2], "{kernel}, {W} wide, {mode}: {ray:?}");
+                }
+            }
+        }
+    }
+    each_width::<4>(&bvh, &mesh);
+    each_width::<8>(&bvh, &mesh);
+    each_width::<16>(&bvh, &mesh);
 }
