@@ -2,7 +2,7 @@
 
 use super::worker::Row;
 use crate::verify::compare::{Reference, any, closest};
-use crate::verify::exact_answers;
+use niwaki_checks::exact_answers;
 use niwaki_core::{Hit, Intersector, Ray, TriangleMesh};
 use niwaki_hard_cases::{Closed, rays};
 

@@ -9,8 +9,6 @@ pub(crate) mod ledger;
 mod print;
 mod trees;
 
-pub(crate) use hard::exact_answers;
-
 use crate::{cli::VerifyArgs, registry, scenes::SceneSpec};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
