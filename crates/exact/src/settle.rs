@@ -189,7 +189,7 @@ pub fn settle(ray: &Ray, mesh: &TriangleMesh, ours: &Hit, theirs: &Hit) -> Verdi
 /// [`SettleOptions::border_ulps`] or if its `t` is further from the truth than
 /// [`t_error_bound`] (a triangle without area, but with three corners, counts as its own border, as
 /// rounding may give it one; a triangle with two equal corners has none); it is *certain* if the ray pierces the triangle's inside, further than that
-/// from its border and, by more than the error of `t`, from the ends of the range. Then:
+/// from its border and, by more than the error of `t`, from the ends of the range and of `f32`. Then:
 ///
 /// | case | verdict |
 /// |---|---|
@@ -409,7 +409,8 @@ fn examine_triangle(
     let certain = contact == Contact::Interior
         && !near_border
         && t_min + t_error <= t
-        && t <= t_max - t_error;
+        // No f32 says a distance past the largest.
+        && t <= t_max.min(f64::from(f32::MAX)) - t_error;
     Claim::Hit { prim_id, contact, t, t_error, border_ulps, certain }
 }
 

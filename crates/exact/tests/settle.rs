@@ -245,3 +245,15 @@ fn triangles_that_are_points_from_afar_have_an_error_bound() {
         );
     }
 }
+
+#[test]
+fn a_hit_as_far_as_f32_reaches_may_be_missed() {
+    let at = |z: f32| {
+        let corners = [(-1e38, -1e38), (1e38, -1e38), (0.0, 1e38)];
+        let positions = corners.map(|(x, y)| Vec3::new(x, y, z)).to_vec();
+        TriangleMesh::new(positions, vec![[0, 1, 2]]).unwrap()
+    };
+    let ray = Ray::new(Vec3::ZERO, Vec3::Z);
+    assert_eq!(settle(&ray, &at(f32::MAX), &Hit::MISS, &hit(0, f32::MAX)), Verdict::Rounding);
+    assert_eq!(settle(&ray, &at(3e38), &Hit::MISS, &hit(0, 3e38)), Verdict::OursWrong);
+}

@@ -120,3 +120,17 @@ fn minus_zero_is_the_end_of_a_range_as_zero_is() {
     each_width::<8>(&bvh, &mesh);
     each_width::<16>(&bvh, &mesh);
 }
+
+#[test]
+fn the_fast_mode_misses_triangles_without_area() {
+    // On one line, exactly; rounded products of its edges differ.
+    let on_line = |s: f32| Vec3::new(18.132_813, 2.0, -f32::MIN_POSITIVE) * s;
+    let positions = [1.0, 0.671_875, 0.005_249_023].map(on_line).to_vec();
+    let mesh = TriangleMesh::new(positions, vec![[0, 1, 2]]).unwrap();
+    let ray = Ray::new(Vec3::ZERO, Vec3::new(3.0117188, 0.0, 1.0));
+    assert_eq!(closest_in_mesh(&ray, &mesh), None);
+    each_kernel(&mesh, |name, closest| {
+        let hit = closest(&ray);
+        assert_eq!(hit, Hit::MISS, "{name}");
+    });
+}

@@ -8,7 +8,7 @@ use super::{
     trees::build_and_check,
 };
 use niwaki_checks::exact_answers;
-use niwaki_core::{Builder, Hit, Ray, TriangleMesh};
+use niwaki_core::{Builder, Hit, Ray};
 use niwaki_hard_cases::{Case, bad_rays, rays};
 use niwaki_trace::Mode;
 

@@ -56,7 +56,7 @@ fn survives(path: &Path, len: usize) {
         let mut scene = load_instanced(path, &options())?;
         // A view is chosen by looking around in a grid of the scene, which takes a hundred times as
         // long as all else: for some.
-        if len % 32 > 0 && scene.cameras.is_empty() {
+        if !len.is_multiple_of(32) && scene.cameras.is_empty() {
             scene.cameras.push(Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 0.7));
         }
         Ok::<_, LoadError>(scene.flatten(&options()))
