@@ -138,12 +138,12 @@ impl AreaScale {
     #[must_use]
     pub fn of(scene: &Aabb) -> Self {
         let longest = scene.extent().max_element();
-        if !(longest.is_finite() && longest > 0.0)
-            || (2.0_f32.powi(-20)..=2.0_f32.powi(30)).contains(&longest)
-        {
+        // Infinite where corners on both sides of 0 are near the largest f32.
+        let is_extent = longest > 0.0;
+        if !is_extent || (2.0_f32.powi(-20)..=2.0_f32.powi(30)).contains(&longest) {
             return Self::ONE;
         }
-        // The exponent from the bits: exact, and monotone for denormals as well.
+        // The exponent from the bits: exact, and monotone for denormals and infinity as well.
         let exponent = (longest.to_bits() >> 23).cast_signed() - 127;
         Self(2.0_f32.powi((-exponent).clamp(-126, 126)))
     }
@@ -168,6 +168,15 @@ mod tests {
         assert_eq!(b.area(), 2.0 * (12.0 + 20.0 + 15.0));
         assert_eq!(b.half_area(AreaScale::ONE), 47.0);
         assert_eq!(b.longest_axis(), 2);
+    }
+
+    #[test]
+    fn an_extent_past_the_range_is_scaled_too() {
+        let all = Aabb::new(Vec3::MIN, Vec3::MAX);
+        let scale = AreaScale::of(&all).get();
+        assert!((all.max * scale - all.min * scale).max_element() < 16.0);
+        assert_eq!(AreaScale::of(&Aabb::EMPTY), AreaScale::ONE);
+        assert_eq!(AreaScale::of(&Aabb::new(Vec3::ONE, Vec3::ONE)), AreaScale::ONE);
     }
 
     #[test]

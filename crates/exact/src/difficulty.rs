@@ -27,17 +27,27 @@ pub fn border_distance_ulps(ray: &Ray, triangle: &Triangle) -> f64 {
 pub fn t_error_bound(ray: &Ray, triangle: &Triangle) -> f64 {
     let origin = ray.origin.as_dvec3();
     let direction = ray.direction.as_dvec3();
-    let [a, b, c] = triangle.vertices().map(|v| v.as_dvec3() - origin);
-    let normal = (b - a).cross(c - a);
-    let det = direction.dot(normal).abs();
+    let corners = triangle.vertices().map(|v| v.as_dvec3());
+    let [a, b, c] = corners.map(|corner| corner - origin);
+    // Not from the corners as seen from the origin, which f64 may take for one point.
+    let (ab, ac) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let normal = ab.cross(ac);
     let Some(t) = plane_t(ray, triangle) else { return f64::INFINITY };
     // The sums of the absolute values of all products: what relative rounding errors scale with.
-    let (ab, ac) = ((b - a).abs(), (c - a).abs());
+    let (ab, ac) = (ab.abs(), ac.abs());
     let products =
         DVec3::new(ab.y * ac.z + ab.z * ac.y, ab.z * ac.x + ab.x * ac.z, ab.x * ac.y + ab.y * ac.x);
     let nearest =
         [a, b, c].map(|p| p.abs().dot(products)).into_iter().fold(f64::INFINITY, f64::min);
-    let quotient = nearest + t.abs() * direction.abs().dot(products);
+    // What f64 cannot tell from 0 is a plane that the ray may lie in.
+    let sum = direction.abs().dot(products);
+    let det = direction.dot(normal).abs() - sum * 2.0_f64.powi(-48);
+    // False for NaN, too.
+    let is_clear = det > 0.0;
+    if !is_clear {
+        return f64::INFINITY;
+    }
+    let quotient = nearest + t.abs() * sum;
     let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
     let shift = largest * normal.length();
     16.0 * f64::from(UNIT_ROUNDOFF) * (quotient + shift) / det

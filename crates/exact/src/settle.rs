@@ -191,7 +191,7 @@ pub fn settle(ray: &Ray, mesh: &TriangleMesh, ours: &Hit, theirs: &Hit) -> Verdi
 /// [`t_error_bound`], or if the triangle has no area, exactly; one that closes a seam, so that each
 /// of its edges is an edge of another triangle with another third corner, counts as its own border,
 /// as rounding may give it an area. A hit is *certain* if the ray pierces the triangle's inside, further than that
-/// from its border and, by more than the error of `t`, from the ends of the range. Then:
+/// from its border and, by more than the error of `t`, from the ends of the range and of `f32`. Then:
 ///
 /// | case | verdict |
 /// |---|---|
@@ -414,7 +414,8 @@ fn examine_triangle(
     let certain = contact == Contact::Interior
         && !near_border
         && t_min + t_error <= t
-        && t <= t_max - t_error;
+        // No f32 says a distance past the largest.
+        && t <= t_max.min(f64::from(f32::MAX)) - t_error;
     Claim::Hit { prim_id, contact, t, t_error, border_ulps, certain }
 }
 

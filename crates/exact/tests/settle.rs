@@ -234,3 +234,38 @@ fn rounding_of_any_hit_has_a_side() {
     let clear = settle_any_with(&middle, &mesh, true, false, &SettleOptions::default());
     assert_eq!((clear.verdict, clear.rounding_side), (Verdict::PeerWrong, None));
 }
+
+#[test]
+fn triangles_that_are_points_from_afar_have_an_error_bound() {
+    // Their corners are 10⁻³⁸ apart, which f64 cannot tell as seen from a distance of 1.
+    let m = f32::MIN_POSITIVE;
+    let (a, b, c) = (Vec3::new(m, -m, 0.0), Vec3::new(0.0, -m, m), Vec3::new(-m, m, 1.0));
+    let mesh = TriangleMesh::new(vec![a, b, c, Vec3::splat(-m)], vec![[0, 1, 2], [0, 2, 3]]);
+    let mesh = mesh.unwrap();
+    let ray = Ray::new(Vec3::ONE, Vec3::NEG_ONE);
+    for triangle in mesh.triangles() {
+        assert!(t_error_bound(&ray, &triangle) > 0.0, "{triangle:?}");
+    }
+    // Whichever is hit, and whether, is rounding.
+    for (ours, theirs) in
+        [(hit(0, 1.0), hit(1, 1.0)), (Hit::MISS, hit(1, 1.0)), (hit(0, 1.0), Hit::MISS)]
+    {
+        let verdict = settle(&ray, &mesh, &ours, &theirs);
+        assert!(
+            matches!(verdict, Verdict::Tie | Verdict::Rounding),
+            "{ours:?} {theirs:?}: {verdict}"
+        );
+    }
+}
+
+#[test]
+fn a_hit_as_far_as_f32_reaches_may_be_missed() {
+    let at = |z: f32| {
+        let corners = [(-1e38, -1e38), (1e38, -1e38), (0.0, 1e38)];
+        let positions = corners.map(|(x, y)| Vec3::new(x, y, z)).to_vec();
+        TriangleMesh::new(positions, vec![[0, 1, 2]]).unwrap()
+    };
+    let ray = Ray::new(Vec3::ZERO, Vec3::Z);
+    assert_eq!(settle(&ray, &at(f32::MAX), &Hit::MISS, &hit(0, f32::MAX)), Verdict::Rounding);
+    assert_eq!(settle(&ray, &at(3e38), &Hit::MISS, &hit(0, 3e38)), Verdict::OursWrong);
+}

@@ -350,7 +350,14 @@ fn coverage(
 fn ulp_of_largest(triangle: &Triangle) -> f64 {
     let bounds = triangle.bounds();
     let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-    f64::from(largest.next_up()) - f64::from(largest)
+    // Not upward: above the largest f32 there is infinity, and no tolerance of 0 times that. Below a
+    // power of two steps are half as long.
+    let below = f64::from(largest) - f64::from(largest.next_down());
+    if largest.next_up().is_finite() {
+        f64::from(largest.next_up()) - f64::from(largest)
+    } else {
+        below
+    }
 }
 
 /// The share of a triangle's area that lies in none of the boxes.

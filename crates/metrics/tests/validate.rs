@@ -299,3 +299,16 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn boxes_may_reach_to_the_largest_f32() {
+    let corners = vec![Vec3::MIN, Vec3::MAX, Vec3::new(f32::MAX, 0.0, f32::MIN)];
+    let mesh = TriangleMesh::new(corners, vec![[0, 1, 2]]).unwrap();
+    let whole = Bvh { nodes: vec![BvhNode::leaf(mesh.bounds(), 0, 1)], prim_ids: vec![0] };
+    for options in [ValidateOptions::default(), ValidateOptions::rounded_clipping()] {
+        assert_eq!(validate_with(&whole, &mesh, &options), Ok(()));
+    }
+    let mut short = whole;
+    short.nodes[0].max.y = 1e38;
+    assert!(validate(&short, &mesh).is_err());
+}

@@ -24,6 +24,19 @@ pub enum LoadError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// The scene refers to a file outside its own folder. Remedy: put the file there and refer to
+    /// it by a relative path, or set [`LoadOptions::outside`](crate::LoadOptions::outside) if you
+    /// trust the scene.
+    #[error(
+        "{}: `{name}` is outside the scene's folder; copy it there, or set LoadOptions::outside",
+        path.display()
+    )]
+    Outside {
+        /// The scene.
+        path: PathBuf,
+        /// What it refers to.
+        name: String,
+    },
     /// The zstd stream is broken or of an unknown kind. Remedy: unpack and pack it again
     /// (`zstd -d`, `zstd`).
     #[error("{}: zstd: {reason}; test it with `zstd -t` and pack it again", path.display())]

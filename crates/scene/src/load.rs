@@ -22,13 +22,18 @@ pub struct LoadOptions {
     pub textures: bool,
     /// The most triangles that a scene may have, stored and once flattened. Default 2³⁰.
     pub max_triangles: u64,
-    /// The most bytes that one file may have, unpacked. Default 2³⁵.
+    /// The most bytes that one file may have, unpacked; images as pixels, of which 2²⁹ bytes are
+    /// the most in any case. Default 2³⁵.
     pub max_bytes: u64,
+    /// Read what a scene refers to outside its own folder: absolute paths, and those that lead out
+    /// of it by `..`. Default false, so that a scene from elsewhere does not choose what is read.
+    /// Links in the folder are followed, wherever they lead.
+    pub outside: bool,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { textures: true, max_triangles: 1 << 30, max_bytes: 1 << 35 }
+        Self { textures: true, max_triangles: 1 << 30, max_bytes: 1 << 35, outside: false }
     }
 }
 

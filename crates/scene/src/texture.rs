@@ -1,6 +1,7 @@
 //! Images that materials look up.
 
 use glam::{Vec2, Vec4};
+use std::sync::Arc;
 
 /// What happens to texture coordinates outside 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,7 +35,8 @@ pub struct Texture {
     name: String,
     width: u32,
     height: u32,
-    pixels: Vec<[u8; 4]>,
+    /// Shared, as many textures may show one image.
+    pixels: Arc<Vec<[u8; 4]>>,
     srgb: bool,
     wrap: [Wrap; 2],
 }
@@ -56,7 +58,7 @@ impl Texture {
             name: name.into(),
             width,
             height,
-            pixels,
+            pixels: Arc::new(pixels),
             srgb,
             wrap: [Wrap::Repeat; 2],
         })

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Folder, glb, load, square, square_json};
+use niwaki_scene::{LoadError, LoadOptions};
 use proptest::prelude::*;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
@@ -90,6 +91,115 @@ fn packed_files_are_the_same_scene_and_broken_ones_an_error() {
         assert!(error.to_string().contains("zst"), "{error}");
     }
     assert!(load(&folder.file("a.ply", OBJ)).unwrap_err().to_string().contains(".glb"));
+}
+
+/// The square in a file of its own, which a document names as it likes.
+fn external(uri: &str) -> String {
+    let buffer = format!(r#"{{"byteLength":60,"uri":"{uri}"}}"#);
+    square_json(r#"{"mesh":0}"#, "").replace(r#"{"byteLength":60}"#, &buffer)
+}
+
+#[test]
+fn files_outside_the_folder_are_read_only_if_the_caller_says_so() {
+    let folder = Folder::new();
+    let outer = folder.file("square.bin", square());
+    let inner = outer.parent().unwrap().join("scene");
+    std::fs::create_dir_all(&inner).unwrap();
+    let trusting = LoadOptions { outside: true, ..LoadOptions::default() };
+    let path = inner.join("a.gltf");
+    let absolute = outer.to_str().unwrap().replace('\\', "/");
+    for uri in ["../square.bin", "%2e%2e/square.bin", "./x/../../square.bin", &absolute] {
+        std::fs::write(&path, external(uri)).unwrap();
+        let error = load(&path).unwrap_err();
+        assert!(matches!(error, LoadError::Outside { .. }), "{uri}: {error}");
+        if !uri.contains("x/") {
+            assert_eq!(niwaki_scene::load(&path, &trusting).unwrap().mesh.len(), 2, "{uri}");
+        }
+    }
+    // An OBJ file goes without its library.
+    std::fs::write(outer.with_file_name("a.mtl"), MTL).unwrap();
+    let path = inner.join("a.obj");
+    for library in ["../a.mtl", "..\\a.mtl"] {
+        std::fs::write(&path, OBJ.replace("a.mtl", library)).unwrap();
+        assert_eq!(load(&path).unwrap().dropped.materials, 2, "{library}");
+        assert!(niwaki_scene::load(&path, &trusting).unwrap().dropped.materials == 0);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_and_folders_are_no_files() {
+    let folder = Folder::new();
+    let trusting = LoadOptions { outside: true, ..LoadOptions::default() };
+    // Reading the first would never end, opening the terminal could wait for one.
+    for uri in ["/dev/zero", "/dev/tty", "."] {
+        let path = folder.file("a.gltf", external(uri));
+        let error = niwaki_scene::load(&path, &trusting).unwrap_err();
+        assert!(error.to_string().contains("not a regular file"), "{uri}: {error}");
+    }
+}
+
+#[test]
+fn what_is_named_often_is_read_once() {
+    let folder = Folder::new();
+    // 20 GB if each was read.
+    let mut square = square();
+    square.resize(1 << 20, 0);
+    folder.file("a.bin", &square);
+    let one = r#"{"byteLength":60,"uri":"a.bin"}"#;
+    let json = external("a.bin").replace(one, &[one; 20_000].join(","));
+    assert_eq!(load(&folder.file("a.gltf", json)).unwrap().mesh.len(), 2);
+    // A fault of the library counts once, and its million lines are looked at once.
+    folder.file("a.mtl", format!("newmtl m\nKd\n{}", "illum 2\n".repeat(100_000)));
+    let obj = OBJ.replace("a.mtl", &["a.mtl"; 2_000].join(" "));
+    let obj = format!("{}{obj}", "mtllib a.mtl\n".repeat(2_000));
+    assert_eq!(load(&folder.file("a.obj", obj)).unwrap().dropped.materials, 1);
+    // A hundred textures share the pixels of one image.
+    let image = image::RgbaImage::from_pixel(64, 64, image::Rgba([1, 2, 3, 255]));
+    image.save(folder.file("a.png", "")).unwrap();
+    let list =
+        |n: usize, item: &dyn Fn(usize) -> String| (0..n).map(item).collect::<Vec<_>>().join(",");
+    let material =
+        |i| format!(r#"{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":{i}}}}}}}"#);
+    let more = format!(
+        r#","materials":[{}],"textures":[{}],"images":[{{"uri":"a.png"}}]"#,
+        list(100, &material),
+        list(100, &|_| r#"{"source":0}"#.into()),
+    );
+    let scene = load(&folder.file("a.glb", glb(&square_json(r#"{"mesh":0}"#, &more), &square)));
+    let scene = scene.unwrap();
+    assert_eq!(scene.textures.len(), 100);
+    assert!(scene.textures.iter().all(|t| std::ptr::eq(t.pixels(), scene.textures[0].pixels())));
+    // The limit of bytes holds for pixels too: 16 KiB of them come out of some hundred bytes.
+    let path = folder.file("b.glb", glb(&square_json(r#"{"mesh":0}"#, &more), &common::square()));
+    let limit = |max_bytes| LoadOptions { max_bytes, ..LoadOptions::default() };
+    let size = std::fs::metadata(&path).unwrap().len();
+    assert!(size < 16 << 10);
+    let scene = niwaki_scene::load(&path, &limit(size)).unwrap();
+    assert_eq!((scene.textures.len(), scene.dropped.textures), (0, 100), "{}", scene.dropped);
+}
+
+#[test]
+fn elements_from_nothing_are_few_all_together() {
+    let folder = Folder::new();
+    let primitive = r#"{"attributes":{"POSITION":0}}"#;
+    let many = |count: u32, primitives: usize| {
+        let json = square_json(r#"{"mesh":0}"#, "")
+            .replace(
+                r#"{"attributes":{"POSITION":0},"indices":1}"#,
+                &[primitive; 1000][..primitives].join(","),
+            )
+            .replace(
+                r#""bufferView":0,"componentType":5126,"count":4"#,
+                &format!(r#""componentType":5126,"count":{count}"#),
+            );
+        load(&folder.file("a.glb", glb(&json, &square())))
+    };
+    assert_eq!(many(300, 10).unwrap().mesh.len(), 1000);
+    for (count, primitives) in [(1 << 20, 1000), (u32::MAX, 1), (300_000, 100)] {
+        let error = many(count, primitives).unwrap_err().to_string();
+        assert!(error.contains("claims") && error.contains("POSITION"), "{error}");
+    }
 }
 
 proptest! {

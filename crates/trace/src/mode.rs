@@ -11,6 +11,13 @@ use std::fmt;
 pub enum Mode {
     /// Each triangle is tested by itself (Möller and Trumbore 1997), so a ray aimed exactly at an
     /// edge may pass between the two triangles that share it.
+    ///
+    /// Products of three lengths that are denormal lose their precision: triangles of edges that are
+    /// 2³² times shorter than a scene of over 2³⁰ units is long, or shorter than 2⁻³² in others, and
+    /// even thinner ones, may be missed or hit elsewhere. Nor is the edge opposite to a triangle's
+    /// first corner sharp where it is much shorter than the other two: it moves by some units in the
+    /// last place of their product over its length, and where the angle at that corner, or
+    /// of the ray to the plane, is below 2⁻¹⁶, the distance of a hit may be any.
     Fast,
     /// No ray from inside a closed surface leaves it, whatever rounding does (Woop, Benthin and
     /// Wald 2013, with exact signs), provided that the origin is further inside than the rounding of

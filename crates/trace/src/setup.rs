@@ -1,7 +1,11 @@
 //! What a kernel needs of a ray, computed once.
 
 use crate::scale::SceneScale;
-use niwaki_core::{Hit, Ray, glam::Vec3A};
+use niwaki_core::{
+    Hit, Ray,
+    float::{round_down, round_up},
+    glam::Vec3A,
+};
 
 /// A ray in the scaled coordinates of a scene, and its way back.
 #[derive(Clone, Copy, Debug)]
@@ -12,7 +16,7 @@ pub struct RaySetup {
     pub(crate) direction: Vec3A,
     /// At least +0.0, so that the bits of distances sort like integers.
     pub(crate) t_min: f32,
-    /// Finite.
+    /// Finite, and at least +0.0 as well.
     pub(crate) t_max: f32,
     /// What scaled distances are divided by.
     t_factor: f64,
@@ -32,7 +36,8 @@ impl RaySetup {
         let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
         let (distance, length) = (origin.abs(), direction.abs());
         // f32::MAX as the last distance: a hit beyond could not be told from a miss.
-        let t_max = if ray.t_max < f32::MAX { ray.t_max } else { f32::MAX };
+        // Adding zero makes −0.0 +0.0.
+        let t_max = if ray.t_max < f32::MAX { ray.t_max + 0.0 } else { f32::MAX };
         let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
         // Unit directions, and all others of moderate length, stay as they are. Sums keep NaN,
         // for which each comparison is false.
@@ -71,8 +76,9 @@ impl RaySetup {
         let direction = (ray.direction.as_dvec3() * factor).as_vec3a();
         // origin·s + t'·(direction·k) = s·(origin + t·direction) with t' = t·s/k.
         let t_factor = f64::from(scale.factor) / factor;
-        let t_min = to_f32(f64::from(t_min) * t_factor);
-        let t_max = to_f32(f64::from(t_max) * t_factor).min(f32::MAX);
+        // Inward: what is denormal rounds, and no hit may come out of the ray's own range.
+        let t_min = round_up(f64::from(t_min) * t_factor);
+        let t_max = round_down(f64::from(t_max) * t_factor).min(f32::MAX);
         (t_min <= t_max).then_some(Self {
             origin,
             direction,

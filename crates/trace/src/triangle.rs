@@ -6,7 +6,10 @@ use crate::{
     setup::{RaySetup, Slabs},
     watertight::{self, Sheared},
 };
-use niwaki_core::{Hit, Triangle, glam::Vec3};
+use niwaki_core::{
+    Hit, Triangle,
+    glam::{DVec3, Vec3},
+};
 
 /// A triangle test of the scalar kernels, prepared for a ray.
 pub(crate) trait TriangleTest {
@@ -98,10 +101,11 @@ pub(crate) struct EdgeTriangle {
 impl EdgeTriangle {
     #[inline]
     pub(crate) fn new(t: &Triangle) -> Self {
-        // Equal edges span nothing, but the fused cross product of a vector with itself is its own
-        // rounding, not zero. An edge of zero makes the determinant zero for every ray.
-        let e2 = if t.v1 == t.v2 { Vec3::ZERO } else { t.v2 - t.v0 };
-        Self { v0: t.v0, e1: t.v1 - t.v0, e2 }
+        // Parallel edges span nothing, but their fused cross product is its own rounding, not zero.
+        // An edge of zero makes the determinant zero for every ray. In f64 the products are exact.
+        let (e1, e2) = (t.v1 - t.v0, t.v2 - t.v0);
+        let is_flat = e1.as_dvec3().cross(e2.as_dvec3()) == DVec3::ZERO;
+        Self { v0: t.v0, e1, e2: if is_flat { Vec3::ZERO } else { e2 } }
     }
 }
 

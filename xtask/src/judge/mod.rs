@@ -2,11 +2,9 @@
 //! and `stability` share.
 
 mod compare;
-mod exact;
 mod kernels;
 mod tally;
 
 pub(crate) use compare::{Reference, any, closest};
-pub(crate) use exact::exact_answers;
 pub(crate) use kernels::{BruteForce, each_kernel, each_kernel_of_other_widths, kernel_names};
 pub(crate) use tally::Tally;

@@ -1,7 +1,8 @@
 //! The catalogue, and the exact answers to its rays.
 
 use super::worker::Row;
-use crate::judge::{Reference, any, closest, exact_answers};
+use crate::judge::{Reference, any, closest};
+use niwaki_checks::exact_answers;
 use niwaki_core::{Hit, Intersector, Ray, TriangleMesh};
 use niwaki_hard_cases::{Closed, rays};
 

@@ -5,7 +5,8 @@ use super::{
     ledger::{Culprit, Ledger, Row},
     trees::build_and_check,
 };
-use crate::judge::{BruteForce, Reference, any, closest, each_kernel, exact_answers};
+use crate::judge::{BruteForce, Reference, any, closest, each_kernel};
+use niwaki_checks::exact_answers;
 use niwaki_core::{Builder, Hit, Ray};
 use niwaki_hard_cases::{Case, bad_rays, rays};
 use niwaki_trace::Mode;

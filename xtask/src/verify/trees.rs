@@ -2,9 +2,10 @@
 
 use super::ledger::{Culprit, Ledger, TreeRow};
 use anyhow::Context;
+use niwaki_checks::{same_bytes, same_wide};
 use niwaki_core::{Builder, Bvh, SahConstants, TriangleMesh};
 use niwaki_metrics::{ValidateOptions, sah, validate_with};
-use niwaki_wide::{Bvh8, CollapseSettings, Node8};
+use niwaki_wide::{Bvh8, CollapseSettings};
 use rayon::ThreadPoolBuilder;
 
 /// Numbers of threads on which every builder has to give the same bytes.
@@ -96,32 +97,6 @@ fn record(
         valid: violations.is_empty(),
         deterministic,
     });
-}
-
-/// As [`same_bytes`].
-fn same_wide(a: &Bvh8, b: &Bvh8) -> bool {
-    a == b
-        && a.nodes().iter().zip(b.nodes()).all(|(a, b)| {
-            let bits = |n: &Node8| n.bounds.map(|row| row.map(f32::to_bits));
-            bits(a) == bits(b)
-        })
-}
-
-/// Equality of bytes: unlike `==`, −0.0 and 0.0 differ and a NaN equals itself.
-fn same_bytes(a: &Bvh, b: &Bvh) -> bool {
-    a.prim_ids == b.prim_ids
-        && a.nodes.len() == b.nodes.len()
-        && a.nodes.iter().zip(&b.nodes).all(|(a, b)| {
-            let bits = |n: &niwaki_core::BvhNode| {
-                (
-                    n.min.to_array().map(f32::to_bits),
-                    n.max.to_array().map(f32::to_bits),
-                    n.first,
-                    n.count,
-                )
-            };
-            bits(a) == bits(b)
-        })
 }
 
 fn culprit(scene: &str, builder: &str, check: &str, what: String) -> Culprit {

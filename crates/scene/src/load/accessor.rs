@@ -7,11 +7,18 @@ use gltf::json::{
     buffer::View,
     validation::Checked,
 };
-use std::{borrow::Cow, path::Path};
+use std::{
+    borrow::Cow,
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
+};
 
-/// Elements that an accessor without any bytes may claim: such elements are all zero, so more of
-/// them serve nobody, and 20 bytes of JSON must not ask for gigabytes.
-const MOST_ELEMENTS_FROM_NOTHING: u64 = 1 << 24;
+/// Elements that accessors without any bytes may claim together: such elements are all zero, so
+/// more of them serve nobody, and 20 bytes of JSON, or 20 thousand, must not ask for gigabytes.
+const MOST_ELEMENTS_FROM_NOTHING: u64 = 1 << 22;
 
 const VALIDATOR: &str = "export the file again, or see what the Khronos glTF validator says";
 
@@ -19,7 +26,9 @@ const VALIDATOR: &str = "export the file again, or see what the Khronos glTF val
 pub(super) struct Document<'a> {
     pub(super) path: &'a Path,
     pub(super) root: &'a Root,
-    pub(super) buffers: &'a [Cow<'a, [u8]>],
+    pub(super) buffers: &'a [Arc<Cow<'a, [u8]>>],
+    /// Elements from nothing that have been asked for.
+    pub(super) from_nothing: AtomicU64,
 }
 
 /// Bytes of one array and how its elements lie in them.
@@ -185,7 +194,7 @@ impl<'a> Document<'a> {
         let (accessor, component, _) = self.accessor(index, at)?;
         let count = accessor.count.0;
         let most = match accessor.buffer_view {
-            None => MOST_ELEMENTS_FROM_NOTHING,
+            None => MOST_ELEMENTS_FROM_NOTHING - self.from_nothing.load(Relaxed),
             Some(view) => (self.view(view, at)?.0.len() / component_size(component)) as u64,
         };
         if count > most {
@@ -194,6 +203,9 @@ impl<'a> Document<'a> {
                 index.value()
             );
             return Err(self.fail(at, reason, VALIDATOR));
+        }
+        if accessor.buffer_view.is_none() {
+            self.from_nothing.fetch_add(count, Relaxed);
         }
         // Without a buffer view the elements are zero, or hidden in a compression we lack.
         Ok(to_usize(count).unwrap_or(0))

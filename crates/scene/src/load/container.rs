@@ -2,7 +2,7 @@
 
 use super::{LoadOptions, read};
 use crate::LoadError;
-use std::{borrow::Cow, path::Path};
+use std::{borrow::Cow, collections::HashMap, path::Path, sync::Arc};
 
 const EXPORT: &str = "the file is cut off or damaged; copy or export it again";
 
@@ -84,23 +84,31 @@ pub(super) fn resolve(
         return Err(fail(file, at, reason, "fetch it and refer to the copy by a relative path"));
     }
     let decoded = percent_decode(uri);
-    let name = String::from_utf8_lossy(&decoded);
-    read::bytes(&file.parent().unwrap_or(Path::new("")).join(&*name), options)
+    read::beside(file, &String::from_utf8_lossy(&decoded), options)
 }
 
-/// All buffers of a document; each has at least the bytes it claims.
+/// All buffers of a document; each has at least the bytes it claims. A file that many of them are is
+/// read once.
 pub(super) fn buffers<'a>(
     path: &Path,
     root: &gltf::json::Root,
     binary: Option<&'a [u8]>,
     options: &LoadOptions,
-) -> Result<Vec<Cow<'a, [u8]>>, LoadError> {
+) -> Result<Vec<Arc<Cow<'a, [u8]>>>, LoadError> {
     let mut out = Vec::with_capacity(root.buffers.len());
+    let mut known: HashMap<&str, Arc<Cow<'a, [u8]>>> = HashMap::new();
     for (i, buffer) in root.buffers.iter().enumerate() {
         let at = format!("buffers[{i}]");
         let bytes = match (&buffer.uri, binary) {
-            (Some(uri), _) => Cow::Owned(resolve(path, &at, uri, options)?),
-            (None, Some(binary)) if i == 0 => Cow::Borrowed(binary),
+            (Some(uri), _) => match known.get(uri.as_str()) {
+                Some(bytes) => Arc::clone(bytes),
+                None => {
+                    let bytes = Arc::new(Cow::Owned(resolve(path, &at, uri, options)?));
+                    known.insert(uri, Arc::clone(&bytes));
+                    bytes
+                }
+            },
+            (None, Some(binary)) if i == 0 => Arc::new(Cow::Borrowed(binary)),
             (None, _) => {
                 let reason = String::from("it has no uri and there is no binary chunk for it");
                 return Err(fail(path, &at, reason, "export it again with its buffers"));

@@ -14,7 +14,7 @@ use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::{
     Node, Root, camera, extensions::scene::khr_lights_punctual as punctual, validation::Checked,
 };
-use std::path::Path;
+use std::{path::Path, sync::atomic::AtomicU64};
 
 /// Extensions that change what this crate reads and that it understands.
 const UNDERSTOOD: &[&str] = &[
@@ -47,7 +47,8 @@ pub(super) fn load(
             remedy: "export the file again, or see what the Khronos glTF validator says",
         })?;
     let buffers = buffers(path, &root, binary, options)?;
-    let document = Document { path, root: &root, buffers: &buffers };
+    let document =
+        Document { path, root: &root, buffers: &buffers, from_nothing: AtomicU64::new(0) };
     let mut dropped = Dropped::default();
     check_extensions(&document, &mut dropped)?;
     let materials = gltf_material::read(&document, options, &mut dropped);

@@ -72,7 +72,7 @@ impl Materials {
     }
 }
 
-/// A texture of the document, and whether its colours are sRGB-encoded.
+/// A texture of the document, or an image, and whether its colours are sRGB-encoded.
 type Key = (usize, bool);
 
 /// Reads all materials and the textures that they use.
@@ -88,8 +88,21 @@ pub(super) fn read(
     if !options.textures {
         keys.clear();
     }
-    let decoded: Vec<Result<Texture, String>> =
-        keys.par_iter().map(|&(i, srgb)| read_texture(document, i, srgb, options)).collect();
+    // Each image once, however many textures show it.
+    let image_of =
+        |&(texture, srgb): &Key| Some((root.textures.get(texture)?.source.value(), srgb));
+    let mut images: Vec<Key> = keys.iter().filter_map(image_of).collect();
+    images.sort_unstable();
+    images.dedup();
+    let decode = |&(image, srgb): &Key| ((image, srgb), read_image(document, image, srgb, options));
+    let images: HashMap<Key, Result<Texture, String>> = images.par_iter().map(decode).collect();
+    let read_texture = |key: &Key| {
+        let texture = root.textures.get(key.0).ok_or("it does not exist")?;
+        let image =
+            images.get(&(texture.source.value(), key.1)).ok_or("it has no image")?.clone()?;
+        Ok(wrapped(document, texture, image))
+    };
+    let decoded: Vec<Result<Texture, String>> = keys.iter().map(read_texture).collect();
     let mut textures = Vec::new();
     let mut ids: HashMap<Key, usize> = HashMap::new();
     for (key, texture) in keys.into_iter().zip(decoded) {
@@ -135,15 +148,13 @@ fn uses(m: &json::Material) -> impl Iterator<Item = Key> {
     slots(m).into_iter().flatten()
 }
 
-fn read_texture(
+fn read_image(
     document: &Document<'_>,
-    index: usize,
+    source: usize,
     srgb: bool,
     options: &LoadOptions,
 ) -> Result<Texture, String> {
     let root = document.root;
-    let texture = root.textures.get(index).ok_or("it does not exist")?;
-    let source = texture.source.value();
     let image = root.images.get(source).ok_or("it has no PNG or JPEG image")?;
     let at = format!("images[{source}]");
     let (bytes, file) = match (&image.uri, image.buffer_view) {
@@ -158,14 +169,18 @@ fn read_texture(
         (None, None) => return Err(format!("{at} has neither uri nor bufferView")),
     };
     let name = file.or(image.name.as_deref()).unwrap_or(&at);
-    let decoded = image::decode(name, &bytes, srgb).map_err(|e| format!("{at} ({name}): {e}"))?;
-    let sampler = texture.sampler.and_then(|s| root.samplers.get(s.value()));
+    image::decode(name, &bytes, srgb, options).map_err(|e| format!("{at} ({name}): {e}"))
+}
+
+/// An image as a texture shows it.
+fn wrapped(document: &Document<'_>, texture: &json::Texture, image: Texture) -> Texture {
+    let sampler = texture.sampler.and_then(|s| document.root.samplers.get(s.value()));
     let wrap = |mode: Option<Checked<WrappingMode>>| match mode {
         Some(Checked::Valid(WrappingMode::ClampToEdge)) => Wrap::Clamp,
         Some(Checked::Valid(WrappingMode::MirroredRepeat)) => Wrap::Mirror,
         _ => Wrap::Repeat,
     };
-    Ok(decoded.with_wrap(wrap(sampler.map(|s| s.wrap_s)), wrap(sampler.map(|s| s.wrap_t))))
+    image.with_wrap(wrap(sampler.map(|s| s.wrap_s)), wrap(sampler.map(|s| s.wrap_t)))
 }
 
 /// A factor between 0 and 1; anything else, NaN included, is put there.

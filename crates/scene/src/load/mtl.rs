@@ -4,7 +4,10 @@ use super::{LoadOptions, image, obj::without_comment, read};
 use crate::{AlphaMode, Dropped, Material, Texture};
 use glam::Vec3;
 use niwaki_core::to_u32;
-use std::{collections::HashMap, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+};
 
 /// The materials of an OBJ file.
 pub(super) struct Library {
@@ -26,10 +29,10 @@ impl Library {
         options: &LoadOptions,
         dropped: &mut Dropped,
     ) -> Self {
-        let folder = obj.parent().unwrap_or(Path::new(""));
+        let mut seen = HashSet::new();
         let mut found: HashMap<String, tobj::Material> = HashMap::new();
         for (line, names) in libraries {
-            for (name, bytes) in open(folder, names, options, *line, dropped) {
+            for (name, bytes) in open(obj, names, &mut seen, options, *line, dropped) {
                 let text = check(&name, &bytes, dropped);
                 match tobj::load_mtl_buf(&mut text.as_bytes()) {
                     Ok((materials, _)) => {
@@ -60,10 +63,9 @@ impl Library {
             if let Some(file) = source.diffuse_texture.as_ref().filter(|_| options.textures) {
                 let file = texture_file(file);
                 let id = *texture_ids.entry(file.to_owned()).or_insert_with(|| {
-                    let path = folder.join(file.replace('\\', "/"));
-                    let texture = read::bytes(&path, options)
+                    let texture = read::beside(obj, &file.replace('\\', "/"), options)
                         .map_err(|e| e.to_string())
-                        .and_then(|bytes| image::decode(file, &bytes, true));
+                        .and_then(|bytes| image::decode(file, &bytes, true, options));
                     match texture {
                         Ok(texture) => {
                             out.textures.push(texture);
@@ -89,33 +91,38 @@ impl Library {
     }
 }
 
-/// The library of that name or, if there is none, those of the names between the spaces.
-fn open(
-    folder: &Path,
-    names: &str,
+/// The library of that name or, if there is none, those of the names between the spaces; each name
+/// once, whatever the file repeats.
+fn open<'a>(
+    obj: &Path,
+    names: &'a str,
+    seen: &mut HashSet<&'a str>,
     options: &LoadOptions,
     line: usize,
     dropped: &mut Dropped,
 ) -> Vec<(String, Vec<u8>)> {
-    let read = |name: &str| read::bytes(&folder.join(name.replace('\\', "/")), options);
+    let read = |name: &str| read::beside(obj, &name.replace('\\', "/"), options);
+    if !seen.insert(names) {
+        return Vec::new();
+    }
     let whole = match read(names) {
         Ok(bytes) => return vec![(names.into(), bytes)],
         Err(error) => error,
     };
     let mut out = Vec::new();
     let list: Vec<&str> = names.split_whitespace().collect();
-    for name in &list {
+    for &name in list.iter().filter(|&&name| name != names && seen.insert(name)) {
         match read(name) {
-            Ok(bytes) => out.push(((*name).into(), bytes)),
+            Ok(bytes) => out.push((name.into(), bytes)),
             Err(error) => {
                 dropped.materials += 1;
                 dropped.note(|| format!("line {line}: {error}"));
             }
         }
     }
-    if list.is_empty() {
+    if list.len() < 2 {
         dropped.materials += 1;
-        dropped.note(|| format!("line {line}: mtllib names no file: {whole}"));
+        dropped.note(|| format!("line {line}: {whole}"));
     }
     out
 }

@@ -1,10 +1,11 @@
-//! Exact answers in the form of a kernel's.
+//! Rays whose exact answer is known.
 
 use niwaki_core::{Hit, Ray, TriangleMesh, float::round_down};
 use niwaki_exact::closest_in_mesh;
 
 /// The rays whose exact answer an `f32` can hold, with that answer; `u` and `v` are left 0.
-pub(crate) fn exact_answers(mesh: &TriangleMesh, rays: &[Ray]) -> (Vec<Ray>, Vec<Hit>) {
+#[must_use]
+pub fn exact_answers(mesh: &TriangleMesh, rays: &[Ray]) -> (Vec<Ray>, Vec<Hit>) {
     // A distance past the normal range of f32 has no f32 to full precision, so no kernel that
     // returns one can be held to it.
     let normal =
