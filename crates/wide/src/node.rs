@@ -54,7 +54,8 @@ impl Child {
 ///
 /// The boxes are structure of arrays, a row of `W` `f32` for each of min x, max x, min y,
 /// max y, min z, max z: the planes that a ray enters and leaves through differ in one bit of the
-/// row, so a kernel finds both by the sign of the direction. Slots are filled from 0 on. An
+/// row, so a kernel finds both by the sign of the direction. Slots are filled from 0 on, inner nodes
+/// before leaves. An
 /// unused slot has the empty box (min = +∞, max = −∞), which no ray hits, and a child word that
 /// names a leaf that exists, so that following it by mistake is harmless.
 #[derive(Clone, Copy, Debug, PartialEq)]
