@@ -25,7 +25,7 @@
 //! | [`MaskedScene`] | a mask for each primitive and one for the ray |
 //! | [`MeshQueries`] | what is nearest to a point, what meets a box |
 //! | [`Batches`] | slices of rays, on one thread or all |
-//! | [`brute_force`] | every triangle tested: what the kernels are compared with |
+//! | [`BruteForce`] | every triangle tested: what the kernels are compared with |
 //! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
 //!
 //! In each mode, all of them use one sequence of triangle arithmetic, fused multiply-adds
@@ -55,7 +55,7 @@ mod watertight;
 mod wide;
 
 pub use binary::BinaryScene;
-pub use brute::{brute_force, brute_force_all, brute_force_any, brute_force_in};
+pub use brute::{BruteForce, brute_force, brute_force_all, brute_force_any, brute_force_in};
 pub use counts::Counts;
 pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;

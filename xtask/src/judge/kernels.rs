@@ -1,23 +1,9 @@
-//! Our kernels over one tree, and the reference without a tree.
+//! Our kernels over one tree.
 
 use crate::kernel::TraceKernel;
-use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
-use niwaki_trace::{
-    BinaryScene, Kernel, Mode, QuantisedScene, SceneError, WideScene, brute_force_in,
-};
+use niwaki_core::{Bvh, Intersector, TriangleMesh};
+use niwaki_trace::{BinaryScene, Kernel, Mode, QuantisedScene, SceneError, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
-
-/// Every triangle tested for every ray.
-pub(crate) struct BruteForce<'a>(pub(crate) Mode, pub(crate) &'a TriangleMesh);
-
-impl Intersector for BruteForce<'_> {
-    fn closest_hit(&self, ray: &Ray) -> Hit {
-        brute_force_in(self.0, self.1, ray)
-    }
-    fn any_hit(&self, ray: &Ray) -> bool {
-        self.closest_hit(ray).is_hit()
-    }
-}
 
 /// Calls `f` with every kernel that this processor can run over the tree, its name and its mode:
 /// in each mode the binary reference, then the 8-wide ones, slowest first, and the fastest over

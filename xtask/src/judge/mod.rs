@@ -6,5 +6,5 @@ mod kernels;
 mod tally;
 
 pub(crate) use compare::{Reference, any, closest};
-pub(crate) use kernels::{BruteForce, each_kernel, each_kernel_of_other_widths, kernel_names};
+pub(crate) use kernels::{each_kernel, each_kernel_of_other_widths, kernel_names};
 pub(crate) use tally::Tally;

@@ -1,12 +1,12 @@
 //! What is tried: every builder of ours under every kernel, and the peers' own structures.
 
-use crate::judge::{BruteForce, each_kernel, each_kernel_of_other_widths, kernel_names};
+use crate::judge::{each_kernel, each_kernel_of_other_widths, kernel_names};
 use crate::registry;
 use crate::results::Source;
 use anyhow::{Context as _, Result};
 use niwaki_core::{Builder, Intersector, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeScene, ObvhsKernel, ObvhsPreset, ObvhsScene, Quality};
-use niwaki_trace::Mode;
+use niwaki_trace::{BruteForce, Mode};
 
 /// A builder of ours, or a structure of a peer.
 pub(crate) enum Engine {
@@ -102,7 +102,7 @@ impl Engine {
             Self::BruteForce => {
                 for mode in Mode::ALL {
                     let name = if mode == Mode::default() { "brute" } else { "brute_fast" };
-                    f(name, &BruteForce(mode, mesh));
+                    f(name, &BruteForce::new(mode, mesh));
                 }
             }
             Self::Ours(builder) => {

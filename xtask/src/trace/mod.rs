@@ -8,7 +8,6 @@ pub(crate) use args::TraceArgs;
 
 use crate::{
     bench::{pool, progress::Progress, timing::median},
-    judge::BruteForce,
     machine,
     registry::{self, TreeBuilder},
     results::Source,
@@ -19,7 +18,7 @@ use args::Mode;
 use clap::ValueEnum as _;
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeSettings};
-use niwaki_trace::{Batches, BinaryScene, Kernel, WideScene};
+use niwaki_trace::{Batches, BinaryScene, BruteForce, Kernel, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
 use output::OutputFormat;
 use std::{process::ExitCode, time::Instant};
@@ -164,7 +163,7 @@ impl Choice {
         embree: Option<&Embree>,
     ) -> Result<Traced<'a>> {
         if let Self::Brute(mode) = self {
-            let scene = Box::new(BruteForce(mode.of_scene(), mesh));
+            let scene = Box::new(BruteForce::new(mode.of_scene(), mesh));
             return Ok(Traced { scene, tree: "none".into() });
         }
         let tree = builder

@@ -5,11 +5,11 @@ use super::{
     ledger::{Culprit, Ledger, Row},
     trees::build_and_check,
 };
-use crate::judge::{BruteForce, Reference, any, closest, each_kernel};
+use crate::judge::{Reference, any, closest, each_kernel};
 use niwaki_checks::exact_answers;
 use niwaki_core::{Builder, Hit, Ray};
 use niwaki_hard_cases::{Case, bad_rays, rays};
-use niwaki_trace::Mode;
+use niwaki_trace::{BruteForce, Mode};
 
 /// Triangle tests a case may spend on brute force.
 const BRUTE_FORCE_TESTS: usize = 40_000_000;
@@ -43,7 +43,7 @@ fn run_case(
     let affordable = (EXACT_TESTS / mesh.len().max(1)).max(8);
     let truth = exact_answers(mesh, &rays[..rays.len().min(affordable)]);
     let references = Mode::ALL.map(|mode| {
-        let brute = BruteForce(mode, mesh);
+        let brute = BruteForce::new(mode, mesh);
         against_exact(case, &brute, &truth, ledger);
         let hits = Reference::new(mesh, &rays, closest(&brute, &rays));
         (mode, hits, Reference::new(mesh, &rays, any(&brute, &rays)))
@@ -107,7 +107,7 @@ fn against_exact(
             scene: case.name.to_owned(),
             triangles: mesh.len(),
             builder: "none".to_owned(),
-            kernel: format!("brute_force_{}", brute.0),
+            kernel: format!("brute_force_{}", brute.mode()),
             against: "exact".to_owned(),
             query,
             tally,
@@ -116,7 +116,7 @@ fn against_exact(
     ledger.culprits.extend(wrong.into_iter().chain(any_wrong).map(|what| Culprit {
         scene: case.name.to_owned(),
         builder: "none".to_owned(),
-        check: format!("{} triangle test against the exact answer", brute.0),
+        check: format!("{} triangle test against the exact answer", brute.mode()),
         what,
     }));
 }

@@ -5,7 +5,7 @@ use crate::{builders, exact_answers};
 use niwaki_core::{AreaScale, Bvh, Hit, Intersector, Ray, TriangleMesh, glam::Vec3};
 use niwaki_exact::{SettleOptions, Verdict, settle_any_with, settle_with};
 use niwaki_hard_cases::median_tree;
-use niwaki_trace::{BinaryScene, HitQueries, Mode, WideScene, brute_force_all, brute_force_in};
+use niwaki_trace::{BinaryScene, BruteForce, HitQueries, Mode, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
 
 /// A small mesh, a tree over it and rays.
@@ -77,15 +77,16 @@ pub(crate) fn bits(hit: &Hit) -> [u32; 4] {
 pub(crate) fn check(data: &[u8]) {
     let world = World::of(&mut Bytes::new(data));
     let World { mesh, rays, .. } = &world;
+    let (exact_rays, exact_hits) = exact_answers(mesh, rays);
     for mode in Mode::ALL {
-        let (exact_rays, exact_hits) = exact_answers(mesh, rays);
+        let reference = BruteForce::new(mode, mesh);
         for (ray, exact) in exact_rays.iter().zip(&exact_hits) {
-            let brute = brute_force_in(mode, mesh, ray);
+            let brute = reference.closest_hit(ray);
             if !is_beyond_fast(mode, ray, mesh, [&brute, exact]) {
                 settled(mode, &format!("brute force, {mode}"), ray, mesh, &brute, exact, "exact");
             }
         }
-        let brutes: Vec<Hit> = rays.iter().map(|ray| brute_force_in(mode, mesh, ray)).collect();
+        let brutes: Vec<Hit> = rays.iter().map(|ray| reference.closest_hit(ray)).collect();
         world.each_scene(mode, |name, scene| {
             for (ray, brute) in rays.iter().zip(&brutes) {
                 let hit = scene.closest_hit(ray);
@@ -102,7 +103,7 @@ pub(crate) fn check(data: &[u8]) {
                 assert!(!any || all.contains(&hit), "{name}: {all:?} lacks {hit:?} of {ray:?}");
                 if is_plain(mode, ray) {
                     assert_eq!(bits(&hit), bits(brute), "{name}: not brute force's, {ray:?}");
-                    let expected = brute_force_all(mesh, ray);
+                    let expected = reference.all_hits(ray);
                     let same = all.iter().map(bits).eq(expected.iter().map(bits));
                     assert!(same, "{name}: {all:?} are not {expected:?} of {ray:?}");
                 }
