@@ -10,7 +10,7 @@ use crate::{
         visitor::{Closest, First, Visitor},
     },
     setup::RaySetup,
-    wide::{Layout, intersector},
+    wide::{Layout, intersector, scene_methods},
 };
 use niwaki_core::{Bvh, Hit, Intersector, Ray, TriangleMesh, memory::prefer_large_pages};
 use niwaki_wide::{Bvh8, CollapseSettings, QuantisedNode, WideBvh};
@@ -87,64 +87,9 @@ impl<const W: usize> QuantisedScene<W> {
     pub fn kernels() -> Vec<Kernel> {
         WideScene::<W>::kernels()
     }
-
-    /// The same scene traced by another kernel.
-    ///
-    /// # Errors
-    /// [`SceneError::KernelUnavailable`] if the processor cannot run it.
-    pub fn with_kernel(self, kernel: Kernel) -> Result<Self, SceneError> {
-        if Self::kernels().contains(&kernel) {
-            Ok(Self { kernel, ..self })
-        } else {
-            Err(SceneError::KernelUnavailable(kernel))
-        }
-    }
-
-    /// What it promises.
-    #[must_use]
-    pub fn mode(&self) -> Mode {
-        self.layout.mode
-    }
-
-    /// The kernel that answers rays.
-    #[must_use]
-    pub const fn kernel(&self) -> Kernel {
-        self.kernel
-    }
-
-    /// Bytes that nodes, triangles and ids take.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.layout.bytes()
-    }
-
-    /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
-    #[must_use]
-    pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
-        let mut counts = Counts::default();
-        let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
-        let closest = Closest::new(setup.t_max);
-        let hit = scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut counts);
-        (setup.finish(hit), counts)
-    }
-
-    /// [`Intersector::any_hit`] by the scalar kernel, with the work it took.
-    #[must_use]
-    pub fn any_hit_counted(&self, ray: &Ray) -> (bool, Counts) {
-        let mut counts = Counts::default();
-        let Some(setup) = self.setup(ray) else { return (false, counts) };
-        let first = First::default();
-        let is_hit = scalar::trace::<W, true, _, _, _>(&self.layout, &setup, first, &mut counts);
-        (is_hit, counts)
-    }
-
-    /// What the kernels need of a ray; `None` if there is nothing that it could hit.
-    #[inline(always)]
-    fn setup(&self, ray: &Ray) -> Option<RaySetup> {
-        let setup = RaySetup::new(ray, self.layout.scale)?;
-        (!self.layout.nodes.is_empty()).then_some(setup)
-    }
 }
+
+scene_methods!(QuantisedScene);
 
 intersector!(QuantisedScene, 4, quantised_fast, quantised_watertight, Avx2 => avx2_4);
 intersector!(

@@ -149,63 +149,6 @@ impl<const W: usize> WideScene<W> {
     pub fn kernels() -> Vec<Kernel> {
         Kernel::available().into_iter().filter(|kernel| kernel.traces(W)).collect()
     }
-
-    /// The same scene traced by another kernel.
-    ///
-    /// # Errors
-    /// [`SceneError::KernelUnavailable`] if the processor cannot run it.
-    pub fn with_kernel(self, kernel: Kernel) -> Result<Self, SceneError> {
-        if Self::kernels().contains(&kernel) {
-            Ok(Self { kernel, ..self })
-        } else {
-            Err(SceneError::KernelUnavailable(kernel))
-        }
-    }
-
-    /// What it promises.
-    #[must_use]
-    pub fn mode(&self) -> Mode {
-        self.layout.mode
-    }
-
-    /// The kernel that answers rays.
-    #[must_use]
-    pub const fn kernel(&self) -> Kernel {
-        self.kernel
-    }
-
-    /// Bytes that nodes and triangles take.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.layout.bytes()
-    }
-
-    /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
-    #[must_use]
-    pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
-        let mut counts = Counts::default();
-        let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
-        let closest = Closest::new(setup.t_max);
-        let hit = scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut counts);
-        (setup.finish(hit), counts)
-    }
-
-    /// [`Intersector::any_hit`] by the scalar kernel, with the work it took.
-    #[must_use]
-    pub fn any_hit_counted(&self, ray: &Ray) -> (bool, Counts) {
-        let mut counts = Counts::default();
-        let Some(setup) = self.setup(ray) else { return (false, counts) };
-        let first = First::default();
-        let is_hit = scalar::trace::<W, true, _, _, _>(&self.layout, &setup, first, &mut counts);
-        (is_hit, counts)
-    }
-
-    /// What the kernels need of a ray; `None` if there is nothing that it could hit.
-    #[inline(always)]
-    fn setup(&self, ray: &Ray) -> Option<RaySetup> {
-        let setup = RaySetup::new(ray, self.layout.scale)?;
-        (!self.layout.nodes.is_empty()).then_some(setup)
-    }
 }
 
 /// Where the words of leaves come from.
@@ -289,6 +232,76 @@ fn fill<const W: usize>(
     }
     Ok(flat)
 }
+
+/// What scenes have in common that are made of a [`Layout`] and a kernel, whatever their nodes are.
+macro_rules! scene_methods {
+    ($scene:ident) => {
+        impl<const W: usize> $scene<W> {
+            /// The same scene traced by another kernel.
+            ///
+            /// # Errors
+            /// [`SceneError::KernelUnavailable`] if the processor cannot run it.
+            pub fn with_kernel(self, kernel: Kernel) -> Result<Self, SceneError> {
+                if Self::kernels().contains(&kernel) {
+                    Ok(Self { kernel, ..self })
+                } else {
+                    Err(SceneError::KernelUnavailable(kernel))
+                }
+            }
+
+            /// What it promises.
+            #[must_use]
+            pub fn mode(&self) -> Mode {
+                self.layout.mode
+            }
+
+            /// The kernel that answers rays.
+            #[must_use]
+            pub const fn kernel(&self) -> Kernel {
+                self.kernel
+            }
+
+            /// Bytes that nodes, triangles and ids take.
+            #[must_use]
+            pub fn bytes(&self) -> usize {
+                self.layout.bytes()
+            }
+
+            /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took.
+            #[must_use]
+            pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
+                let mut counts = Counts::default();
+                let Some(setup) = self.setup(ray) else { return (Hit::MISS, counts) };
+                let closest = Closest::new(setup.t_max);
+                let hit =
+                    scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut counts);
+                (setup.finish(hit), counts)
+            }
+
+            /// [`Intersector::any_hit`] by the scalar kernel, with the work it took.
+            #[must_use]
+            pub fn any_hit_counted(&self, ray: &Ray) -> (bool, Counts) {
+                let mut counts = Counts::default();
+                let Some(setup) = self.setup(ray) else { return (false, counts) };
+                let first = First::default();
+                let is_hit =
+                    scalar::trace::<W, true, _, _, _>(&self.layout, &setup, first, &mut counts);
+                (is_hit, counts)
+            }
+
+            /// What the kernels need of a ray; `None` if there is nothing that it could hit.
+            #[inline(always)]
+            fn setup(&self, ray: &Ray) -> Option<RaySetup> {
+                let setup = RaySetup::new(ray, self.layout.scale)?;
+                (!self.layout.nodes.is_empty()).then_some(setup)
+            }
+        }
+    };
+}
+
+pub(crate) use scene_methods;
+
+scene_methods!(WideScene);
 
 /// Answers rays to a scene by the kernels of one width: the modules `$fast` and `$watertight` of each
 /// `$module`.
