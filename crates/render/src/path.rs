@@ -242,7 +242,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         let mut iors: Vec<u32> = Vec::new();
         let mut coat_ids = Vec::with_capacity(scene.materials.len());
         for material in &scene.materials {
-            let bits = sane_ior(material.ior).to_bits();
+            let bits = material.index_of_refraction().to_bits();
             let id = iors.iter().position(|&known| known == bits).unwrap_or_else(|| {
                 iors.push(bits);
                 iors.len() - 1
@@ -370,7 +370,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
     fn bsdf(&self, surface: &Surface<'_>, sampler: &mut Sampler) -> Bsdf<'_> {
         let base = surface.base_color(self.scene);
         let (metallic, roughness) = surface.metallic_roughness(self.scene);
-        let ior = sane_ior(surface.material.ior);
+        let ior = surface.material.index_of_refraction();
         let choice = sampler.next_1d();
         if choice < metallic {
             return Bsdf::Metal { f0: base, roughness };
@@ -403,11 +403,6 @@ fn leave(surface: &Surface<'_>, direction: Vec3, reflected: bool) -> Option<Vec3
     (outside == reflected).then(|| {
         offset_origin(surface.point, if outside { normal } else { -normal }, surface.reach)
     })
-}
-
-/// An index of refraction that can be calculated with: 1 to 10, 1.5 if it is no number.
-fn sane_ior(ior: f32) -> f32 {
-    if ior.is_finite() { ior.clamp(1.0, 10.0) } else { 1.5 }
 }
 
 /// To `f32`, at most its largest value: densities only enter quotients.

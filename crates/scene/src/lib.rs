@@ -15,6 +15,7 @@
 //! | [`instanced`] | meshes stored once and the places where they stand |
 //! | [`material`], [`texture`] | surfaces |
 //! | [`light`] | cameras, punctual lights, the environment |
+//! | [`facts`] | what a scene contains, for renderers that leave out what nothing calls for |
 //! | [`error`] | why a file could not be loaded |
 //!
 //! There are no feature flags.
@@ -25,6 +26,7 @@ struct Readme;
 
 mod automatic;
 pub mod error;
+pub mod facts;
 pub mod generate;
 pub mod instanced;
 pub mod light;
@@ -35,6 +37,7 @@ pub mod texture;
 
 pub use automatic::{AutomaticView, automatic_camera};
 pub use error::LoadError;
+pub use facts::{LightFacts, MaterialClass, MaterialFacts, SceneFacts};
 pub use instanced::{FlattenError, Instance, InstancedScene, Part};
 pub use light::{Camera, Environment, Light, LightKind};
 pub use load::{LoadOptions, load, load_instanced};
