@@ -18,12 +18,16 @@ pub struct MaterialFacts {
     pub bounds: Aabb,
     /// Scatters diffusely: not all metal, not all transmission, not black.
     pub diffuse: bool,
-    /// Shows highlights of lights that are wider than a mirror's: rougher than the limit, and
-    /// metal or under a coat.
+    /// Shows highlights of lights that are wider than a mirror's: metal or coat that is rougher
+    /// than half the limit.
     pub glossy: bool,
-    /// Calls for reflected rays: metal or coat no rougher than the limit, or an interface between
-    /// dielectrics.
+    /// Calls for reflected rays: metal smoother than the limit, a polished coat, or an interface
+    /// between dielectrics.
     pub reflective: bool,
+    /// A dielectric whose coat is smoother than the limit everywhere. Where a texture is smooth
+    /// in places only, noise in it would call for rays all over a scene that carry a few per cent
+    /// of the light, so that such coats show highlights alone.
+    pub polished: bool,
     /// Calls for refracted rays.
     pub transmissive: bool,
     /// Transmits, and its inside absorbs.
@@ -131,7 +135,8 @@ impl LightFacts {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFacts {
-    /// Perceptual roughness up to which a surface counts as a mirror.
+    /// Perceptual roughness from which a surface is no mirror any more; up to half of it, it is a
+    /// perfect one.
     pub mirror_roughness: f32,
     /// Triangles in all.
     pub triangles: usize,
@@ -148,12 +153,12 @@ type Range = [(f32, f32); 4];
 const ONES: Range = [(1.0, 1.0); 4];
 
 impl SceneFacts {
-    /// The perceptual roughness up to which surfaces reflect like mirrors where nothing else is
-    /// chosen: a highlight about as wide as a degree.
-    pub const MIRROR_ROUGHNESS: f32 = 0.15;
+    /// The limit of perceptual roughness where nothing else is chosen. At half of it, GGX spreads
+    /// a reflection over a few degrees; from it on, what is reflected cannot be made out.
+    pub const MIRROR_ROUGHNESS: f32 = 0.3;
 
     /// Looks at all triangles, lights, materials and pixels of textures; `mirror_roughness` (0 to
-    /// 1) is the perceptual roughness up to which a surface counts as a mirror.
+    /// 1) is the perceptual roughness from which a surface is no mirror any more.
     #[must_use]
     pub fn new(scene: &Scene, mirror_roughness: f32) -> Self {
         let ranges: Vec<Range> = scene.textures.par_iter().map(|t| range(t.pixels())).collect();
@@ -310,7 +315,9 @@ fn examine(m: &Material, ranges: &[Range], mirror_roughness: f32) -> MaterialFac
     let dielectric = metallic.0 < 1.0;
     let coat = dielectric && m.index_of_refraction() > 1.0;
     let transmissive = dielectric && transmission > 0.0;
-    let smooth = roughness.0 <= mirror_roughness;
+    // So that a limit of 0 leaves perfect mirrors.
+    let limit = mirror_roughness.max(f32::MIN_POSITIVE);
+    let polished = coat && transmission < 1.0 && roughness.1 < limit;
     let textures = [m.base_color_texture, m.metallic_roughness_texture, m.emission_texture];
     MaterialFacts {
         triangles: 0,
@@ -318,8 +325,10 @@ fn examine(m: &Material, ranges: &[Range], mirror_roughness: f32) -> MaterialFac
         diffuse: dielectric
             && transmission < 1.0
             && (0..3).any(|k| m.base_color[k] > 0.0 && color[k].1 > 0.0),
-        glossy: roughness.1 > mirror_roughness && (metallic.1 > 0.0 || coat),
-        reflective: smooth && (metallic.1 > 0.0 || coat) || transmissive && coat,
+        glossy: metallic.1 > 0.0 && roughness.1 > 0.5 * limit
+            || coat && transmission < 1.0 && !(polished && roughness.1 <= 0.5 * limit),
+        reflective: metallic.1 > 0.0 && roughness.0 < limit || polished || transmissive && coat,
+        polished,
         transmissive,
         absorbing: transmissive && m.absorption.max_element() > 0.0,
         emissive: (0..3).any(|k| m.emission[k] > 0.0 && glow[k].1 > 0.0),

@@ -86,6 +86,12 @@ fn textures_decide_where_they_vary() {
     let rough = two_pixels([0, 255, 255, 255], [0, 200, 255, 255]);
     let facts = facts_of(textured(1.0, 1.0), rough);
     assert!(!facts.reflective && facts.glossy && !facts.diffuse);
+    // A coat that is smooth in places only calls for no rays.
+    let coat = Material { ior: 1.5, ..textured(0.0, 1.0) };
+    let facts = facts_of(coat.clone(), two_pixels([0, 0, 0, 0], [0, 200, 0, 0]));
+    assert!(!facts.reflective && !facts.polished && facts.glossy);
+    let facts = facts_of(coat, two_pixels([0, 0, 0, 0], [0, 30, 0, 0]));
+    assert!(facts.reflective && facts.polished && !facts.glossy);
     // A texture that the scene does not have reads as ones.
     let facts = facts_of(textured(1.0, 1.0), vec![]);
     assert!(!facts.textured && facts.glossy);
