@@ -55,13 +55,15 @@ pub enum Effect {
     ReflectionRays,
     /// Following refracted rays.
     RefractionRays,
+    /// Following rays straight on behind blended surfaces.
+    TransparencyRays,
     /// Evaluating the environment where rays leave the scene.
     Sky,
 }
 
 impl Effect {
     /// All effects in the order in which a frame runs them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Deformation,
         Self::PrimaryView,
         Self::Alpha,
@@ -76,6 +78,7 @@ impl Effect {
         Self::ShadowRays,
         Self::ReflectionRays,
         Self::RefractionRays,
+        Self::TransparencyRays,
         Self::Sky,
     ];
 }
@@ -97,7 +100,7 @@ pub enum Quality {
         /// Objects drawn.
         objects: u32,
     },
-    /// Shadow maps: six for a point light, one for any other.
+    /// Shadow maps: one for a directional light, six for any other.
     Maps {
         /// How many.
         layers: u32,
@@ -199,7 +202,9 @@ impl EffectPlan {
     /// True if rays are followed beyond the primary view.
     #[must_use]
     pub fn follows_rays(&self) -> bool {
-        self.uses(Effect::ReflectionRays) || self.uses(Effect::RefractionRays)
+        [Effect::ReflectionRays, Effect::RefractionRays, Effect::TransparencyRays]
+            .into_iter()
+            .any(|effect| self.uses(effect))
     }
 }
 
@@ -215,6 +220,7 @@ impl fmt::Display for Effect {
             Self::ShadowRays => f.pad("shadow rays"),
             Self::ReflectionRays => f.pad("reflection rays"),
             Self::RefractionRays => f.pad("refraction rays"),
+            Self::TransparencyRays => f.pad("transparency rays"),
             Self::Sky => f.pad("sky"),
         }
     }
@@ -241,7 +247,7 @@ impl fmt::Display for PlannedPass {
             Decision::Keep => ("keep", String::new()),
             Decision::Skip => ("skip", String::new()),
         };
-        write!(f, "{word:<4}  {:<16}", self.effect)?;
+        write!(f, "{word:<4}  {:<17}", self.effect)?;
         if !quality.is_empty() {
             write!(f, "  [{quality}]")?;
         }

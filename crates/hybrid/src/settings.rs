@@ -99,14 +99,18 @@ pub struct Settings {
     pub march: March,
     /// What becomes of rays that pass behind the map's surfaces.
     pub behind: Behind,
-    /// Thickness of surfaces in the map where their material names none: 0 thin, 1 as deep as the
-    /// far plane.
+    /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
+    /// behind their fronts surfaces of the map still count as met. Default 1.
     pub thickness: f32,
     /// Most surfaces at which a path may be reflected or refracted, 0 to 16. 0 shows no reflections.
     pub max_depth: u32,
-    /// Paths that carry no more than this share of light in any channel end; 0 (the default)
-    /// follows all of them.
+    /// Rays that count less than this in every colour channel are not followed; 0 (the default)
+    /// follows all that count at all.
     pub throughput_cutoff: f32,
+    /// Most rays that follow from one pixel. Default 65,536, which no depth up to 15 reaches.
+    pub max_rays: u32,
+    /// Ambient light: the share of the environment that surfaces see on average, 0 to 1.
+    pub ambient: f32,
     /// Perceptual roughness up to which surfaces are mirrors.
     pub mirror_roughness: f32,
     /// How shadows are found.
@@ -130,9 +134,11 @@ impl Default for Settings {
             face_resolution: 1024,
             march: March { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
             behind: Behind::GoOn,
-            thickness: 0.05,
+            thickness: 1.0,
             max_depth: 4,
             throughput_cutoff: 0.0,
+            max_rays: 1 << 16,
+            ambient: 0.5,
             mirror_roughness: niwaki_scene::SceneFacts::MIRROR_ROUGHNESS,
             shadows: Shadows::Traced,
             shadow_resolution: 2048,
@@ -204,9 +210,10 @@ impl Settings {
             near_region,
             overlap: within(self.overlap, 0.0, 0.5, standard.overlap),
             march: March { n_min, n_max: self.march.n_max.clamp(n_min, 4096), ..self.march },
-            thickness: within(self.thickness, 0.0, 1.0, standard.thickness),
+            thickness: within(self.thickness, 0.0, f32::MAX, standard.thickness),
             max_depth: self.max_depth.min(MAX_DEPTH),
             throughput_cutoff: within(self.throughput_cutoff, 0.0, 1.0, 0.0),
+            ambient: within(self.ambient, 0.0, 1.0, standard.ambient),
             mirror_roughness: within(self.mirror_roughness, 0.0, 1.0, standard.mirror_roughness),
             ..self.clone()
         }

@@ -1,6 +1,8 @@
 //! The rules.
 
-use super::{Decision, Effect, EffectPlan, FrameFacts, Kept, PlannedPass, Quality};
+use super::{
+    Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality,
+};
 use crate::{Face, Region, Settings, Shadows};
 use glam::DVec3;
 use niwaki_core::{Aabb, to_u32};
@@ -105,7 +107,10 @@ impl Frame<'_> {
             Effect::ReflectionRays | Effect::RefractionRays => {
                 Quality::Depth(self.settings.max_depth)
             }
-            Effect::Alpha | Effect::ShadowRays | Effect::Sky => Quality::Full,
+            Effect::Alpha
+            | Effect::ShadowRays
+            | Effect::TransparencyRays
+            | Effect::Sky => Quality::Full,
         }
     }
 
@@ -131,6 +136,7 @@ impl Frame<'_> {
             Effect::NearRegion => self.near_region(),
             Effect::ShadowRays => self.shadow_rays(),
             Effect::ReflectionRays | Effect::RefractionRays => self.secondary(effect),
+            Effect::TransparencyRays => self.transparency(),
             Effect::Sky => {
                 if self.facts.scene.lights.environment {
                     run(Quality::Full, "light comes from outside")
@@ -151,10 +157,17 @@ impl Frame<'_> {
         }
     }
 
-    /// Whether any ray goes on from what is visible. Which rays is a matter of the whole scene: a
-    /// mirror may show glass that the camera does not see.
-    fn specular_in_view(&self) -> usize {
-        self.visible.iter().filter(|&&i| self.facts.objects[i as usize].is_specular()).count()
+    /// Why no ray goes on from what is visible, if none does; otherwise from how many objects.
+    ///
+    /// Which kinds of rays run is a matter of the whole scene: a mirror may show glass that the
+    /// camera does not see, and what is blended may show both.
+    fn sending(&self) -> Result<usize, &'static str> {
+        let sends = |o: &ObjectFacts| o.blended || (o.is_specular() && self.settings.max_depth > 0);
+        let visible = self.visible.iter().map(|&i| &self.facts.objects[i as usize]);
+        match visible.filter(|o| sends(o)).count() {
+            0 => Err("no mirror, glass or blended surface is in view"),
+            n => Ok(n),
+        }
     }
 
     fn secondary(&self, effect: Effect) -> Ruling {
@@ -171,16 +184,26 @@ impl Frame<'_> {
         if self.settings.max_depth == 0 {
             return skip("the settings allow no recursion");
         }
-        match self.specular_in_view() {
-            0 => skip("no mirror or glass is in view"),
-            n => run(self.quality(effect), format!("{n} visible objects reflect or transmit")),
+        match self.sending() {
+            Err(reason) => skip(reason),
+            Ok(n) => run(self.quality(effect), format!("rays go on from {n} visible objects")),
+        }
+    }
+
+    fn transparency(&self) -> Ruling {
+        if !self.facts.objects.iter().any(|o| o.blended) {
+            return skip("no surface is blended");
+        }
+        match self.sending() {
+            Err(reason) => skip(reason),
+            Ok(n) => run(Quality::Full, format!("rays go on from {n} visible objects")),
         }
     }
 
     fn follows_rays(&self) -> bool {
-        [Effect::ReflectionRays, Effect::RefractionRays]
+        [Effect::ReflectionRays, Effect::RefractionRays, Effect::TransparencyRays]
             .iter()
-            .any(|e| matches!(self.secondary(*e).0, Decision::Run { .. }))
+            .any(|e| matches!(self.rule(*e).0, Decision::Run { .. }))
     }
 
     /// True if no surface beyond the near region exists, so that the map is empty.
@@ -252,7 +275,7 @@ impl Frame<'_> {
 
     fn shadow_layers(&self) -> u32 {
         let lights = self.facts.scene.lights;
-        to_u32(6 * lights.point + lights.spot + lights.directional)
+        to_u32(6 * (lights.point + lights.spot) + lights.directional)
     }
 
     fn shadow_maps(&self) -> Ruling {

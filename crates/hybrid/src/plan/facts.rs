@@ -23,6 +23,8 @@ pub struct ObjectFacts {
     pub transmissive: bool,
     /// Some of it is cut out or blended by alpha.
     pub alpha: bool,
+    /// Some of it is blended with what lies behind.
+    pub blended: bool,
     /// Some of it scatters the light of lamps.
     pub lit: bool,
 }
@@ -39,6 +41,7 @@ impl ObjectFacts {
             reflective: false,
             transmissive: false,
             alpha: false,
+            blended: false,
             lit: false,
         };
         let mut last = None;
@@ -60,7 +63,12 @@ impl ObjectFacts {
     /// The facts of all objects of a scene, at rest.
     #[must_use]
     pub fn of(scene: &Scene, facts: &SceneFacts) -> Vec<Self> {
-        vec![Self::of_range(scene, facts, 0..niwaki_core::to_u32(scene.mesh.len()))]
+        let objects = scene.objects_or_whole();
+        let of = |object: &niwaki_scene::Object| Self {
+            dynamic: object.dynamic,
+            ..Self::of_range(scene, facts, object.triangles.clone())
+        };
+        objects.iter().map(of).collect()
     }
 
     /// True if rays go on from it.
@@ -73,6 +81,7 @@ impl ObjectFacts {
         self.reflective |= material.reflective;
         self.transmissive |= material.transmissive;
         self.alpha |= material.has_alpha();
+        self.blended |= material.blended;
         self.lit |= material.diffuse || material.glossy;
     }
 }
