@@ -167,13 +167,10 @@ fn called_for(effect: Effect, facts: &SceneFacts) -> (bool, String) {
         let triangles: usize = facts.worn().filter(|m| has(m)).map(|m| m.triangles).sum();
         (facts.worn().filter(|m| has(m)).count(), triangles)
     };
-    let materials = |(count, triangles): (usize, usize), do_what: &str| {
-        if count == 0 {
-            (false, format!("no material {do_what}"))
-        } else {
-            let s = if count == 1 { "" } else { "s" };
-            (true, format!("{count} material{s} on {triangles} triangles {do_what}"))
-        }
+    let materials = |(count, triangles): (usize, usize), does: &str, they_do: &str| match count {
+        0 => (false, format!("no material {does}")),
+        1 => (true, format!("1 material on {triangles} triangles {does}")),
+        _ => (true, format!("{count} materials on {triangles} triangles {they_do}")),
     };
     match effect {
         Effect::PunctualLight => match lights.punctual() {
@@ -181,15 +178,19 @@ fn called_for(effect: Effect, facts: &SceneFacts) -> (bool, String) {
             1 => (true, "1 punctual light shines".into()),
             n => (true, format!("{n} punctual lights shine")),
         },
-        Effect::AreaLight | Effect::Emission => materials(worn(|m| m.emissive), "emit"),
+        Effect::AreaLight | Effect::Emission => materials(worn(|m| m.emissive), "emits", "emit"),
         Effect::EnvironmentLight | Effect::Sky | Effect::Ambient => (
             lights.environment,
             if lights.environment { "the environment shines" } else { "the environment is dark" }
                 .into(),
         ),
-        Effect::Alpha => materials(worn(|m| m.has_alpha()), "let rays pass by alpha"),
-        Effect::Reflection => materials(worn(|m| m.reflective), "reflect like mirrors"),
-        Effect::Refraction => materials(worn(|m| m.transmissive), "transmit"),
-        Effect::Absorption => materials(worn(|m| m.absorbing), "absorb inside"),
+        Effect::Alpha => {
+            materials(worn(|m| m.has_alpha()), "lets rays pass by alpha", "let rays pass by alpha")
+        }
+        Effect::Reflection => {
+            materials(worn(|m| m.reflective), "reflects like a mirror", "reflect like mirrors")
+        }
+        Effect::Refraction => materials(worn(|m| m.transmissive), "transmits", "transmit"),
+        Effect::Absorption => materials(worn(|m| m.absorbing), "absorbs inside", "absorb inside"),
     }
 }
