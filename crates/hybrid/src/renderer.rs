@@ -4,7 +4,7 @@ mod record;
 
 use crate::{
     Effect, EffectPlan, Face, Frame, FrameFacts, FrameReport, Gpu, HybridError, Kept, ObjectFacts,
-    Settings, Shadows,
+    Settings,
     layout::{FrameInput, FrameUniform, GpuLight},
     pipelines::{Pipelines, Variant},
     report::Counters,
@@ -50,7 +50,6 @@ pub struct HybridRenderer {
     lights: Vec<Light>,
     kept: Option<Kept>,
     poses: Option<Vec<ObjectPose>>,
-    last: Option<FrameReport>,
 }
 
 impl std::fmt::Debug for HybridRenderer {
@@ -95,7 +94,6 @@ impl HybridRenderer {
             lights: scene.lights.iter().filter(lit).copied().collect(),
             kept: None,
             poses: None,
-            last: None,
             scene,
             settings,
         })
