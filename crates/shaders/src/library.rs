@@ -16,7 +16,21 @@ macro_rules! embedded {
     };
 }
 
-const EMBEDDED: &[(&str, &str)] = embedded!["probe",];
+const EMBEDDED: &[(&str, &str)] = embedded![
+    "lbvh/bounds",
+    "lbvh/boxes",
+    "lbvh/emit",
+    "lbvh/float",
+    "lbvh/karras",
+    "lbvh/mark",
+    "lbvh/morton",
+    "lbvh/rank",
+    "lbvh/sort",
+    "lbvh/state",
+    "lbvh/tree",
+    "lbvh/triangles",
+    "probe",
+];
 
 /// A set of shader files by name.
 ///
