@@ -4,9 +4,7 @@
 
 use super::LbvhConfig;
 use niwaki_core::morton::{Quantizer, common_prefix};
-use niwaki_core::{
-    Aabb, AreaScale, BuildError, Bvh, BvhNode, PrimRef, SceneBounds, glam::Vec3, scene_bounds,
-};
+use niwaki_core::{Aabb, AreaScale, BuildError, Bvh, BvhNode, PrimRef, SceneBounds, scene_bounds};
 
 /// Items of a tile, as `TILE` in `lbvh/state.wgsl`.
 const TILE: usize = 2048;
@@ -28,9 +26,8 @@ pub(crate) fn settle(scene: &SceneBounds, code_bits: u32) -> [u32; 9] {
     [x, y, z, pre, sx, sy, sz, cells - 1.0, scene.area_scale.get()].map(f32::to_bits)
 }
 
-/// One pass of the sort by the digit at `shift` (`sort.wgsl`): the table of counts after the scan,
-/// and the items in their new order.
-pub(crate) fn sort_pass(items: &[(u64, u32)], shift: u32) -> (Vec<u32>, Vec<(u64, u32)>) {
+/// One pass of the sort by the digit at `shift` (`sort.wgsl`): the items in their new order.
+pub(crate) fn sort_pass(items: &[(u64, u32)], shift: u32) -> Vec<(u64, u32)> {
     let digit = |item: &(u64, u32)| (item.0 >> shift & 255) as usize;
     let tiles = items.len().div_ceil(TILE);
     let mut table = vec![0_u32; DIGITS * tiles + DIGITS];
@@ -62,7 +59,7 @@ pub(crate) fn sort_pass(items: &[(u64, u32)], shift: u32) -> (Vec<u32>, Vec<(u64
             *place += 1;
         }
     }
-    (table, sorted)
+    sorted
 }
 
 /// The radix tree: its arrays as in `lbvh/tree.wgsl`.
@@ -259,8 +256,8 @@ pub(crate) fn emit(
 /// Everything, stage by stage.
 pub(crate) struct Stages {
     pub(crate) record: [u32; 9],
-    /// Codes and places in the input, after each pass of the sort, the unsorted ones first.
-    pub(crate) passes: Vec<Vec<(u64, u32)>>,
+    /// Codes and places in the input, in order.
+    pub(crate) sorted: Vec<(u64, u32)>,
     pub(crate) tree: Tree,
     pub(crate) boxes: Vec<Aabb>,
     pub(crate) ranks: (Vec<u32>, Vec<u32>),
@@ -271,13 +268,10 @@ pub(crate) struct Stages {
 pub(crate) fn build(prims: &[PrimRef], config: &LbvhConfig) -> Result<Stages, BuildError> {
     let scene = scene_bounds(prims)?;
     let quantizer = Quantizer::new(&scene, config.code_bits);
-    let mut passes: Vec<Vec<(u64, u32)>> =
-        vec![prims.iter().map(|p| quantizer.code(p)).zip(0..).collect()];
+    let mut sorted: Vec<(u64, u32)> = prims.iter().map(|p| quantizer.code(p)).zip(0..).collect();
     for shift in (0..config.code_bits).step_by(8) {
-        let (_, sorted) = sort_pass(&passes[passes.len() - 1], shift);
-        passes.push(sorted);
+        sorted = sort_pass(&sorted, shift);
     }
-    let sorted = &passes[passes.len() - 1];
     let codes: Vec<u64> = sorted.iter().map(|item| item.0).collect();
     let leaves: Vec<Aabb> = sorted.iter().map(|item| prims[item.1 as usize].aabb()).collect();
     let mut tree = hierarchy(&codes);
@@ -287,5 +281,5 @@ pub(crate) fn build(prims: &[PrimRef], config: &LbvhConfig) -> Result<Stages, Bu
     let nodes = emit(&tree, &boxes, &leaves, &ranks);
     let prim_ids = sorted.iter().map(|item| prims[item.1 as usize].prim_id).collect();
     let record = settle(&scene, config.code_bits);
-    Ok(Stages { record, passes, tree, boxes, ranks, bvh: Bvh { nodes, prim_ids } })
+    Ok(Stages { record, sorted, tree, boxes, ranks, bvh: Bvh { nodes, prim_ids } })
 }
