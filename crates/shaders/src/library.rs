@@ -29,6 +29,18 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "hybrid/size",
     "hybrid/trace",
     "hybrid/tracing",
+    "lbvh/bounds",
+    "lbvh/boxes",
+    "lbvh/emit",
+    "lbvh/float",
+    "lbvh/karras",
+    "lbvh/mark",
+    "lbvh/morton",
+    "lbvh/rank",
+    "lbvh/sort",
+    "lbvh/state",
+    "lbvh/tree",
+    "lbvh/triangles",
     "probe",
 ];
 

@@ -16,6 +16,7 @@ mod buffer;
 mod device;
 mod error;
 mod kernel;
+mod lbvh;
 mod memory;
 mod timing;
 
@@ -24,6 +25,7 @@ pub use buffer::Buffer;
 pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions};
 pub use error::GpuError;
 pub use kernel::Kernel;
+pub use lbvh::{GpuLbvh, LbvhConfig, LbvhError, LbvhTimes, LbvhWorkspace};
 pub use timing::Timings;
 
 #[cfg(doctest)]
