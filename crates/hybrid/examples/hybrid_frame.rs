@@ -64,8 +64,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         renderer.set_settings(renderer.settings().clone());
         frame = renderer.render(&camera, width, height, 0.0)?;
         for stage in &frame.report.stages {
-            let time = stage.gpu_time.map_or("-".into(), |t| format!("{:.2} ms", 1e3 * t.as_secs_f64()));
-            println!("{:<18} {time:>12}  {} draws, {} dispatches", stage.stage, stage.draws, stage.dispatches);
+            let time =
+                stage.gpu_time.map_or("-".into(), |t| format!("{:.2} ms", 1e3 * t.as_secs_f64()));
+            println!(
+                "{:<18} {time:>12}  {} draws, {} dispatches",
+                stage.stage, stage.draws, stage.dispatches
+            );
         }
         println!("total {:.1} ms", 1e3 * frame.report.total.as_secs_f64());
         println!("{} triangles in the near region", frame.report.region_triangles);

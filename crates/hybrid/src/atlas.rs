@@ -137,8 +137,7 @@ mod tests {
             assert!(end(i, 0) <= 100 && end(i, 1) <= 100 && packing.places[i][2] < packing.layers);
             for j in 0..i {
                 let (a, b) = (packing.places[i], packing.places[j]);
-                let apart = a[2] != b[2]
-                    || (0..2).any(|k| end(i, k) <= b[k] || end(j, k) <= a[k]);
+                let apart = a[2] != b[2] || (0..2).any(|k| end(i, k) <= b[k] || end(j, k) <= a[k]);
                 assert!(apart, "{i} and {j}");
             }
         }

@@ -52,8 +52,7 @@ impl Gpu {
             }
         }
         let timestamps = offered.contains(timers);
-        let required_features =
-            if timestamps { needed | timers } else { needed };
+        let required_features = if timestamps { needed | timers } else { needed };
         let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("niwaki"),
             required_features,
@@ -64,11 +63,16 @@ impl Gpu {
         let fault = Arc::new(Mutex::new(None));
         let seen = Arc::clone(&fault);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            note(&seen, match error {
-                wgpu::Error::OutOfMemory { source } => HybridError::OutOfMemory(source.to_string()),
-                wgpu::Error::Validation { description, .. }
-                | wgpu::Error::Internal { description, .. } => HybridError::Gpu(description),
-            });
+            note(
+                &seen,
+                match error {
+                    wgpu::Error::OutOfMemory { source } => {
+                        HybridError::OutOfMemory(source.to_string())
+                    }
+                    wgpu::Error::Validation { description, .. }
+                    | wgpu::Error::Internal { description, .. } => HybridError::Gpu(description),
+                },
+            );
         }));
         let seen = Arc::clone(&fault);
         device.set_device_lost_callback(move |reason, message| {

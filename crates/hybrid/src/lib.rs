@@ -18,7 +18,7 @@ mod views;
 pub use error::HybridError;
 pub use gpu::{DEVICE_VARIABLE, Gpu};
 pub use plan::{Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality};
+pub use region::{Face, Region, Side};
 pub use renderer::HybridRenderer;
 pub use report::{Counters, Frame, FrameReport, Stage, StageReport};
-pub use region::{Face, Region, Side};
 pub use settings::{Behind, DebugView, March, NearRegion, SampleRule, Settings, Shadows};

@@ -1,8 +1,7 @@
 //! Shader modules and pipelines, made when a frame first needs them.
 
 use crate::{
-    Behind, DebugView, EffectPlan, Effect, Gpu, HybridError, SampleRule, Settings,
-    gpu::Slot,
+    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, SampleRule, Settings, gpu::Slot,
 };
 use std::collections::HashMap;
 

@@ -171,7 +171,7 @@ impl HybridRenderer {
             self.screen = None;
             FrameReport::default()
         } else {
-            self.record(&scenery, time)?
+            self.record(&scenery)?
         };
         report.total = start.elapsed();
         self.kept = Some(scenery.plan.kept.clone());

@@ -63,22 +63,15 @@ impl GpuScene {
         let storage = BufferUsages::STORAGE;
         let indices: &[u32] = bytemuck::cast_slice(scene.mesh.indices());
         let dynamic = objects.iter().any(|o| o.dynamic);
-        let rest = if dynamic {
-            Some(gpu.upload("vertices at rest", &vertices, storage)?)
-        } else {
-            None
-        };
+        let rest =
+            if dynamic { Some(gpu.upload("vertices at rest", &vertices, storage)?) } else { None };
         let vertices = gpu.upload("vertices", &vertices, storage | BufferUsages::VERTEX)?;
         let indices = gpu.upload("indices", indices, storage | BufferUsages::INDEX)?;
         let ids = gpu.upload("material numbers", &ids, storage)?;
-        let materials = gpu.buffer(
-            "materials",
-            (count.max(1) * size_of::<GpuMaterial>()) as u64,
-            storage,
-        )?;
+        let materials =
+            gpu.buffer("materials", (count.max(1) * size_of::<GpuMaterial>()) as u64, storage)?;
         let infos = gpu.upload("texture places", &atlas.infos, storage)?;
-        let frame =
-            gpu.buffer("frame", size_of::<FrameUniform>() as u64, BufferUsages::UNIFORM)?;
+        let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, BufferUsages::UNIFORM)?;
         let layout = gpu.layout(
             "scene",
             &[

@@ -108,7 +108,8 @@ pub(crate) fn may_show(view: &ViewMatrix, bounds: Aabb) -> bool {
         view.matrix * (p - view.eye).extend(1.0)
     });
     // Beyond one side of the view with all corners, slack for rounding included.
-    let outside = |f: fn(&Vec4) -> f32| corners.iter().all(|c| f(c) < -1e-4 * c.abs().max_element());
+    let outside =
+        |f: fn(&Vec4) -> f32| corners.iter().all(|c| f(c) < -1e-4 * c.abs().max_element());
     !(outside(|c| c.w + c.x)
         || outside(|c| c.w - c.x)
         || outside(|c| c.w + c.y)

@@ -18,6 +18,7 @@ macro_rules! embedded {
 
 const EMBEDDED: &[(&str, &str)] = embedded![
     "hybrid/counters",
+    "hybrid/cull",
     "hybrid/deform",
     "hybrid/gbuffer",
     "hybrid/map",

@@ -1,8 +1,6 @@
 //! The rules.
 
-use super::{
-    Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality,
-};
+use super::{Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality};
 use crate::{Face, Region, Settings, Shadows};
 use glam::DVec3;
 use niwaki_core::{Aabb, to_u32};
@@ -107,10 +105,9 @@ impl Frame<'_> {
             Effect::ReflectionRays | Effect::RefractionRays => {
                 Quality::Depth(self.settings.max_depth)
             }
-            Effect::Alpha
-            | Effect::ShadowRays
-            | Effect::TransparencyRays
-            | Effect::Sky => Quality::Full,
+            Effect::Alpha | Effect::ShadowRays | Effect::TransparencyRays | Effect::Sky => {
+                Quality::Full
+            }
         }
     }
 

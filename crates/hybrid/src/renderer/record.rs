@@ -7,7 +7,7 @@ use crate::{
     pipelines::Target,
     report::{Stage, StageReport},
     targets::Screen,
-    tree::NearTree,
+    tree::NearInput,
     views::{camera_view, may_show},
 };
 use glam::{Mat4, Vec3};
@@ -98,11 +98,7 @@ struct Raster<'a> {
 
 impl HybridRenderer {
     /// Runs the stages that the plan names and waits for them.
-    pub(super) fn record(
-        &mut self,
-        scenery: &Scenery,
-        time: f64,
-    ) -> Result<FrameReport, HybridError> {
+    pub(super) fn record(&mut self, scenery: &Scenery) -> Result<FrameReport, HybridError> {
         self.make_room(scenery)?;
         let plan = &scenery.plan;
         let gpu = self.gpu.clone();
@@ -123,18 +119,13 @@ impl HybridRenderer {
             }
         }
         if plan.runs(Effect::NearRegion) {
-            let objects = &scenery.objects;
-            self.tree = NearTree::build(
-                &gpu,
-                &self.scene,
-                time,
-                objects,
-                &plan.in_region,
-                &plan.region,
-            )?;
+            self.build_tree(&mut recorder, scenery)?;
         }
         self.shade_and_trace(&mut recorder, scenery)?;
         let stages = recorder.finish()?;
+        if plan.runs(Effect::NearRegion) {
+            self.tree.check(&gpu)?;
+        }
         let Some(screen) = &self.screen else { return Ok(FrameReport::default()) };
         let counters = self.counters(screen)?;
         let region_triangles = if plan.uses(Effect::NearRegion) { self.tree.count } else { 0 };
@@ -357,6 +348,23 @@ impl HybridRenderer {
             [draws, 0]
         });
         Ok(())
+    }
+
+    fn build_tree(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        scenery: &Scenery,
+    ) -> Result<(), HybridError> {
+        let ranges = Self::ranges(scenery, scenery.plan.in_region.iter().copied());
+        let region = &scenery.plan.region;
+        let input = NearInput { ranges: &ranges, region };
+        let build = self.tree.prepare(&self.gpu, &input)?;
+        let mut outcome = Ok(0);
+        recorder.stage(Stage::Effect(Effect::NearRegion), |encoder| {
+            outcome = self.tree.record(&self.gpu, encoder, &self.uploaded, &build);
+            [0, *outcome.as_ref().unwrap_or(&0)]
+        });
+        outcome.map(|_| ())
     }
 
     fn kernel_group(

@@ -1,8 +1,7 @@
 //!import hybrid/primitive_index
 //!import hybrid/scene
 // Rasterising what a camera or a face of the cube map sees (Ganestam and Doggett 2014, 3.1, 3.2).
-// A pixel of the G-buffer: x normal, y base colour (square roots) and metallic, z material and
-// roughness, w emission.
+// A pixel of the G-buffer: x normal, y base colour, z material, metallic and roughness, w emission.
 
 struct View {
     // Relative to the eye.
@@ -75,8 +74,8 @@ fn pixel(in: Varying, triangle: u32) -> vec4u {
     let glow = max(m.emission * sample_texture(m.emission_texture, in.uv).xyz, vec3f(0.0));
     return vec4u(
         pack_normal(n),
-        pack4x8unorm(vec4f(sqrt(color), metallic)),
-        (id << 16u) | u32(ceil(roughness * 65535.0)),
+        pack_color(color),
+        (id << 16u) | (u32(metallic * 63.0 + 0.5) << 10u) | u32(roughness * 1023.0 + 0.5),
         pack_radiance(glow),
     );
 }

@@ -184,6 +184,17 @@ fn unpack_normal(bits: u32) -> vec3f {
     return normalize(vec3f(select(p, folded, z < 0.0), z));
 }
 
+// Colours from 0 to 1 as square roots, 10 bits a channel, which errs least where eyes see most.
+fn pack_color(c: vec3f) -> u32 {
+    let q = vec3u(sqrt(c) * 1023.0 + 0.5);
+    return q.x | (q.y << 10u) | (q.z << 20u);
+}
+
+fn unpack_color(bits: u32) -> vec3f {
+    let c = vec3f(vec3u(bits, bits >> 10u, bits >> 20u) & vec3u(1023u)) / 1023.0;
+    return c * c;
+}
+
 // Radiance in 32 bits with a common exponent, 9 bits a channel.
 fn pack_radiance(c: vec3f) -> u32 {
     let v = clamp(c, vec3f(0.0), vec3f(65408.0));

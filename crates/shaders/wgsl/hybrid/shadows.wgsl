@@ -72,13 +72,14 @@ fn map_share(light: Light, point: vec3f, normal: vec3f, slack: f32) -> f32 {
         return 1.0;
     }
     let p = clip.xyz / clip.w;
-    if any(abs(p.xy) > vec2f(1.0)) || p.z > 1.0 {
+    if any(abs(p.xy) > vec2f(1.0)) || p.z > 1.0 || p.z < 0.0 {
         return 1.0;
     }
     let size = vec2f(textureDimensions(shadow_maps));
     let at = vec2u(clamp((p.xy * vec2f(0.5, -0.5) + 0.5) * size, vec2f(0.0), size - 1.0));
     let depth = textureLoad(shadow_maps, at, layer, 0);
-    return select(0.0, 1.0, p.z <= depth);
+    // Depth is 1 at the light and 0 far away.
+    return select(0.0, 1.0, p.z >= depth);
 }
 
 struct Illumination {

@@ -142,7 +142,9 @@ fn closest(o: vec3f, d: vec3f, t_min: f32, t_max: f32) -> TreeHit {
             for (var i = node.first; i < node.first + node.count; i++) {
                 let triangle = leaf_triangles[i];
                 let h = meet_triangle(o, shear, kz_direction, triangle);
-                if h.x >= t_min && h.x < hit.t {
+                // Among equals the first triangle, so that the order of the tree does not matter.
+                let nearer = h.x < hit.t || (h.x == hit.t && triangle < hit.triangle);
+                if h.x >= t_min && nearer && h.x < t_max {
                     if !ALPHA || opacity_at(triangle, h.y, h.z) > 0.0 {
                         hit = TreeHit(h.x, h.y, h.z, triangle);
                     }
@@ -299,10 +301,9 @@ fn tree_surface(hit: TreeHit, d: vec3f) -> Surface {
 
 // What a pixel of a G-buffer says of a surface.
 fn read_pixel(s: ptr<function, Surface>, pixel: vec4u) {
-    let color = unpack4x8unorm(pixel.y);
-    (*s).base = color.xyz * color.xyz;
-    (*s).metallic = color.w;
+    (*s).base = unpack_color(pixel.y);
+    (*s).metallic = f32((pixel.z >> 10u) & 63u) / 63.0;
     (*s).material = pixel.z >> 16u;
-    (*s).roughness = f32(pixel.z & 0xffffu) / 65535.0;
+    (*s).roughness = f32(pixel.z & 1023u) / 1023.0;
     (*s).emission = unpack_radiance(pixel.w);
 }
