@@ -118,6 +118,11 @@ pub(crate) struct BenchArgs {
     #[arg(long)]
     pub(crate) robust: bool,
 
+    /// More of the configuration of Embree's device, such as max_isa=avx2 or max_isa=sse4.2; the
+    /// instructions that it then says it uses stand beside its version in the report
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    pub(crate) embree_config: String,
+
     /// Rays per set, at most [default: 200000, with --quick 50000]
     #[arg(long, value_name = "NUMBER", value_parser = parse_count)]
     pub(crate) ray_count: Option<usize>,

@@ -49,7 +49,7 @@ fn builders(args: &AccuracyArgs) -> Result<ExitCode> {
     let family_of: Vec<(String, &str)> =
         builders.iter().zip(families).map(|(b, family)| (b.full_name(), family)).collect();
     let mut run = machine::describe();
-    find_peers(false, &mut builders, &mut run)?;
+    find_peers(false, "", &mut builders, &mut run)?;
     if builders.is_empty() {
         bail!("no builder is left to measure: Embree alone was asked for, and it is not there");
     }
@@ -64,6 +64,7 @@ fn builders(args: &AccuracyArgs) -> Result<ExitCode> {
         kernels: vec![crate::kernel::TraceKernel::best()],
         collapse: crate::kernel::Collapse::Optimal,
         robust: false,
+        embree_config: String::new(),
         binary: Vec::new(),
         seconds,
         brief: false,
