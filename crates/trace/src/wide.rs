@@ -22,7 +22,8 @@ use std::sync::Arc;
 /// A wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
 /// processor has for its width unless [`WideScene::with_kernel`] chooses another.
 ///
-/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide; [`WideScene::build_from`] makes the others.
+/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide; [`WideScene::build_from`] makes the others, and
+/// [`crate::AutoScene`] the one that is fastest on this processor.
 ///
 /// Owns a copy of all that it needs; clones share it.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use niwaki_core::{
     Aabb, Bvh, BvhNode, Hit, Intersector, Ray, Triangle, TriangleMesh, glam::Vec3, to_u32,
 };
 use niwaki_hard_cases::median_tree;
-use niwaki_trace::{BinaryScene, Counts, Kernel, SceneError, WideScene};
+use niwaki_trace::{AutoScene, BinaryScene, Counts, Kernel, Mode, SceneError, WideScene};
 use niwaki_wide::{Bvh4, Bvh16, CollapseError, CollapseSettings};
 
 /// Unit right triangles in planes of constant z, one per unit.
@@ -185,4 +185,37 @@ fn scenes_are_shared_between_threads() {
     fn check<T: Send + Sync>() {}
     check::<BinaryScene>();
     check::<WideScene>();
+    check::<AutoScene>();
+}
+
+#[test]
+fn the_width_is_what_suits_the_kernel() {
+    let mesh = stack_of(40);
+    let bvh = median_tree(&mesh, 1);
+    let up = Ray::new(Vec3::new(0.25, 0.25, -1.0), Vec3::Z);
+    for mode in Mode::ALL {
+        let best = AutoScene::new_in(mode, &bvh, &mesh).unwrap();
+        assert_eq!((best.kernel(), best.mode()), (Kernel::best(), mode));
+        for kernel in Kernel::ALL {
+            assert!(kernel.traces(kernel.best_width()), "{kernel}");
+            let scene = match AutoScene::for_kernel(kernel, mode, &bvh, &mesh) {
+                Ok(scene) => scene,
+                Err(error) => {
+                    assert_eq!(error, SceneError::KernelUnavailable(kernel));
+                    assert!(!kernel.is_available());
+                    continue;
+                }
+            };
+            assert_eq!((scene.kernel(), scene.width()), (kernel, kernel.best_width()));
+            assert_eq!(scene.closest_hit(&up).prim_id, 0);
+            assert_eq!(scene.closest_hit(&up), best.closest_hit(&up));
+            assert_eq!(scene.closest_hit_counted(&up).0, best.closest_hit(&up));
+            assert!(scene.any_hit(&up) && scene.any_hit_counted(&up).0 && scene.bytes() > 1000);
+            // Every width has the scalar kernel; the other way round it depends on the width.
+            assert_eq!(scene.clone().with_kernel(Kernel::Scalar).unwrap().width(), scene.width());
+            let traced = kernel.traces(best.width());
+            assert_eq!(best.clone().with_kernel(kernel).is_ok(), traced, "{kernel}");
+        }
+    }
+    assert!(AutoScene::new(&bvh, &stack_of(30)).is_err());
 }

@@ -113,7 +113,7 @@ fn measure(
     let count = if args.quick { 20_000 } else { 200_000 };
     let sets = method.all_cores.install(|| {
         let tree = rays::recorder().build_mesh(&scene.mesh)?;
-        let wide = niwaki_trace::WideScene::new(&tree, &scene.mesh)?;
+        let wide = niwaki_trace::AutoScene::new(&tree, &scene.mesh)?;
         anyhow::Ok(rays::record(scene, &wide, &RAY_SETS.map(str::to_owned), count, args.seed))
     })?;
     let mut judged = Vec::new();

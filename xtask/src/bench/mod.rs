@@ -23,7 +23,7 @@ use matrix::{ScenePlan, plan};
 use niwaki_core::{Builder, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeSettings};
 use niwaki_scene::Scene;
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use progress::Progress;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rays::RaySet;
@@ -378,7 +378,7 @@ fn prepare(
     let builder = rays::recorder();
     setup.method.all_cores.install(|| {
         setup.method.progress.message(&format!("{}: record rays", scene.name));
-        let wide = WideScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
+        let wide = AutoScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
         let sets = rays::record(scene, &wide, &setup.ray_sets, setup.ray_count, setup.seed);
         if let (true, Some(folder)) = (plan.pictures, &setup.pictures) {
             setup.method.progress.message(&format!("{}: render", scene.name));
