@@ -13,7 +13,7 @@ use niwaki_core::{
     glam::{Vec2, Vec3},
 };
 use niwaki_render::{PathSettings, PathTracer, ToneCurve};
-use niwaki_scene::{Camera, Dropped, Environment, LoadOptions, Material, Scene, generate};
+use niwaki_scene::{Camera, Environment, LoadOptions, Material, Scene, generate};
 use niwaki_trace::AutoScene;
 use std::{error::Error, path::PathBuf, time::Instant};
 
@@ -106,10 +106,8 @@ fn spheres() -> Result<Scene, Box<dyn Error>> {
         normals,
         material_ids: ids,
         materials,
-        textures: vec![],
         cameras: vec![Camera::look_at(Vec3::new(-5.0, 5.0, 8.0), Vec3::Y * 0.6, Vec3::Y, 0.65)],
-        lights: vec![],
         environment: Environment::DAYLIGHT,
-        dropped: Dropped::default(),
+        ..Scene::default()
     })
 }

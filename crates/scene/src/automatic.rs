@@ -1,4 +1,8 @@
-//! Cameras and light for files that bring none.
+//! Cameras, camera paths and light for files that bring none.
+
+mod path;
+
+pub use path::automatic_path;
 
 use crate::{Camera, Environment, Light, LightKind, Scene};
 use glam::{DVec3, Vec3};

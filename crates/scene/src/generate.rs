@@ -10,7 +10,7 @@ mod curve;
 mod dragon;
 mod foliage;
 mod hair;
-mod math;
+pub(crate) mod math;
 mod piece;
 mod pipes;
 mod random;

@@ -1,8 +1,11 @@
 //! Scenes as meshes and the places where they stand.
 
-use crate::{Camera, Dropped, Environment, Light, Material, Scene, Texture, load::LoadOptions};
+use crate::{
+    Camera, Dropped, Environment, Light, Material, Object, Scene, Texture, load::LoadOptions,
+    object::bounds_of,
+};
 use glam::{DAffine3, Vec2, Vec3};
-use niwaki_core::{MeshError, TriangleMesh, to_u32};
+use niwaki_core::{Aabb, MeshError, TriangleMesh, to_u32};
 use rayon::prelude::*;
 
 /// Triangles of one material in their own coordinates (a primitive of glTF, a group of OBJ).
@@ -92,7 +95,7 @@ impl InstancedScene {
             .sum()
     }
 
-    /// All instances as triangles in the world, in order. Triangles whose vertices a transform
+    /// All instances as triangles in the world, in order, each an [`Object`]. Triangles whose vertices a transform
     /// takes out of the range of `f32` are dropped and counted.
     ///
     /// If some parts have normals and others not, the others get their triangles' own normals
@@ -119,6 +122,7 @@ impl InstancedScene {
                 if transform == DAffine3::IDENTITY);
         if single && let Some(part) = self.parts.pop() {
             out.material_ids = vec![part.material; part.mesh.len()];
+            out.objects = vec![Object::whole(&part.name, &part.mesh)];
             (out.positions, out.indices) = part.mesh.into_parts();
             (out.normals, out.uvs) = (part.normals, part.uvs);
         } else {
@@ -135,20 +139,26 @@ impl InstancedScene {
         for id in out.material_ids.iter_mut().filter(|id| **id as usize >= material_count.max(1)) {
             *id = 0;
         }
+        let mesh = TriangleMesh::new(out.positions, out.indices)?;
+        out.objects.par_iter_mut().for_each(|o| o.bounds = bounds_of(&mesh, o.triangles.clone()));
         let mut scene = Scene {
             name: self.name,
-            mesh: TriangleMesh::new(out.positions, out.indices)?,
+            mesh,
             normals: out.normals,
             uvs: out.uvs,
             material_ids: out.material_ids,
             materials: self.materials,
             textures: self.textures,
+            objects: out.objects,
             cameras: self.cameras,
+            path: None,
+            animation: None,
             lights: self.lights,
             environment: self.environment.unwrap_or(Environment::DARK),
             dropped: self.dropped,
         };
         crate::automatic::complete(&mut scene, self.environment.is_none());
+        scene.derive_thickness();
         Ok(scene)
     }
 }
@@ -160,6 +170,7 @@ struct Flat {
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     material_ids: Vec<u32>,
+    objects: Vec<Object>,
 }
 
 impl Flat {
@@ -220,7 +231,15 @@ impl Flat {
                 format!("{}: {lost} triangles whose transform is out of range", part.name)
             });
         }
+        let triangles = to_u32(self.material_ids.len())..to_u32(self.indices.len());
         self.material_ids.resize(self.indices.len(), part.material);
+        self.objects.push(Object {
+            name: part.name.clone(),
+            triangles,
+            vertices: base..to_u32(self.positions.len()),
+            bounds: Aabb::EMPTY,
+            dynamic: false,
+        });
     }
 }
 

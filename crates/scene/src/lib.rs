@@ -13,6 +13,9 @@
 //! | [`generate`] | procedural scenes of any size |
 //! | [`scene`] | triangles with what a renderer needs, and what a loader left out |
 //! | [`instanced`] | meshes stored once and the places where they stand |
+//! | [`object`] | what moves, and is culled, as one |
+//! | [`animation`] | motion: transforms and waves, for CPU and GPU |
+//! | [`path`](mod@path) | camera paths |
 //! | [`material`], [`texture`] | surfaces |
 //! | [`light`] | cameras, punctual lights, the environment |
 //! | [`error`] | why a file could not be loaded |
@@ -23,6 +26,7 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+pub mod animation;
 mod automatic;
 pub mod error;
 pub mod generate;
@@ -30,14 +34,19 @@ pub mod instanced;
 pub mod light;
 pub mod load;
 pub mod material;
+pub mod object;
+pub mod path;
 pub mod scene;
 pub mod texture;
 
-pub use automatic::{AutomaticView, automatic_camera};
+pub use animation::{Animation, Hop, Motion, ObjectPose, Rigid, Wave};
+pub use automatic::{AutomaticView, automatic_camera, automatic_path};
 pub use error::LoadError;
 pub use instanced::{FlattenError, Instance, InstancedScene, Part};
 pub use light::{Camera, Environment, Light, LightKind};
 pub use load::{LoadOptions, load, load_instanced};
 pub use material::{AlphaMode, Material};
+pub use object::Object;
+pub use path::{CameraKey, CameraPath};
 pub use scene::{Dropped, Scene};
 pub use texture::{Texture, Wrap};

@@ -52,6 +52,13 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Alpha of the surface, 0 to 1; multiplied by the base colour texture's alpha.
     pub alpha: f32,
+    /// How deep what lies behind the surface is taken to be where a renderer knows only the depth
+    /// of its front (the faces of a G-buffer cube map: Ganestam and Doggett 2015, §3.4), in units
+    /// of the diagonal of the scene's bounds, 0 to 1. A ray that comes to lie at most this far
+    /// behind the front has met the object; one further behind has passed it. 0 is perfectly
+    /// thin, 1 has no end, as for walls. Exact ray tracing has no use for it. Loaders and
+    /// generators set it by [`Scene::derive_thickness`](crate::Scene::derive_thickness).
+    pub thickness: f32,
 }
 
 impl Default for Material {
@@ -71,6 +78,7 @@ impl Default for Material {
             absorption: Vec3::ZERO,
             alpha_mode: AlphaMode::Opaque,
             alpha: 1.0,
+            thickness: 1.0,
         }
     }
 }

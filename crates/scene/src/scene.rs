@@ -1,6 +1,6 @@
 //! A scene: triangles with what a renderer needs to know about them.
 
-use crate::{Camera, Environment, Light, Material, Texture};
+use crate::{Animation, Camera, CameraPath, Environment, Light, Material, Object, Texture};
 use glam::{Vec2, Vec3};
 use niwaki_core::TriangleMesh;
 use std::fmt;
@@ -107,8 +107,17 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// What the materials refer to.
     pub textures: Vec<Texture>,
+    /// What moves, and is culled, as one. Together they hold every triangle and every vertex once,
+    /// in order; loaders and generators list them. Empty only in scenes put together by hand,
+    /// where [`Scene::objects_or_whole`] has one for everything.
+    pub objects: Vec<Object>,
     /// Never empty: the file's, or one chosen by [`automatic_camera`](crate::automatic_camera).
     pub cameras: Vec<Camera>,
+    /// How a camera moves through the scene, if that is known; [`Scene::camera_path`] finds a path
+    /// where it is not.
+    pub path: Option<CameraPath>,
+    /// How the objects move, if any does.
+    pub animation: Option<Animation>,
     /// Punctual lights. Emissive triangles are found through their materials.
     pub lights: Vec<Light>,
     /// The light from outside; a sky where the file has neither lights nor emissive materials,

@@ -6,7 +6,7 @@ use niwaki_core::{
     glam::{Vec2, Vec3},
 };
 use niwaki_render::{Image, PathSettings, PathTracer, RenderStats};
-use niwaki_scene::{Camera, Dropped, Environment, Material, Scene};
+use niwaki_scene::{Camera, Environment, Material, Scene};
 
 /// Answers rays by testing every triangle.
 pub(crate) struct Brute<'a>(pub(crate) &'a TriangleMesh);
@@ -118,11 +118,9 @@ impl Parts {
             uvs: self.uvs,
             material_ids: self.material_ids,
             materials: self.materials,
-            textures: Vec::new(),
             cameras: vec![camera],
-            lights: Vec::new(),
             environment,
-            dropped: Dropped::default(),
+            ..Scene::default()
         }
     }
 }

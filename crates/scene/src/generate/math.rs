@@ -6,7 +6,7 @@ use glam::DVec3;
 ///
 /// The angle is reduced exactly to an eighth of a turn, where a Taylor series of seven terms
 /// leaves less than 1e-16.
-pub(super) fn sin_cos_turns(turns: f64) -> (f64, f64) {
+pub(crate) fn sin_cos_turns(turns: f64) -> (f64, f64) {
     let t = turns - turns.floor();
     let quarter = (t * 4.0 + 0.5).floor();
     let x = (t - quarter * 0.25) * std::f64::consts::TAU;

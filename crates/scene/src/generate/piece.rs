@@ -1,7 +1,10 @@
 //! Pieces that scenes are put together from, evaluated in parallel and joined in order.
 
 use super::math::whole;
-use crate::{Camera, Dropped, Environment, Light, Material, Scene};
+use crate::{
+    Animation, Camera, CameraPath, Dropped, Environment, Light, Material, Motion, Object, Scene,
+    object::bounds_of,
+};
 use glam::{DMat3, DVec3, Vec3};
 use niwaki_core::{TriangleMesh, to_u32};
 use rayon::prelude::*;
@@ -72,9 +75,20 @@ pub(super) fn rings(
 
 type Emit = Box<dyn Fn() -> Patch + Send + Sync>;
 
+/// Triangles of one material.
+struct Piece {
+    material: u32,
+    emit: Emit,
+}
+
 /// Everything that a generator decides before the vertices are computed.
 pub(super) struct Plan {
-    pieces: Vec<(u32, Emit)>,
+    pieces: Vec<Piece>,
+    /// Name and motion of each object, and its first piece. Without any, each piece is one.
+    objects: Vec<(String, Motion, usize)>,
+    pub(super) path: Option<CameraPath>,
+    /// Seconds of motion.
+    pub(super) duration: f64,
     pub(super) materials: Vec<Material>,
     pub(super) cameras: Vec<Camera>,
     pub(super) lights: Vec<Light>,
@@ -93,11 +107,20 @@ impl Plan {
     pub(super) fn new(materials: Vec<Material>, camera: Camera, environment: Environment) -> Self {
         Self {
             pieces: Vec::new(),
+            objects: Vec::new(),
+            path: None,
+            duration: f64::from(CameraPath::FRAMES) / 30.0,
             materials,
             cameras: vec![camera],
             lights: Vec::new(),
             environment,
         }
+    }
+
+    /// Begins an object, to which the pieces that follow belong. The first must begin before any
+    /// piece is added.
+    pub(super) fn object(&mut self, name: &str, motion: Motion) {
+        self.objects.push((name.into(), motion, self.pieces.len()));
     }
 
     /// Adds a piece that `emit` computes; it must be a pure function.
@@ -106,7 +129,7 @@ impl Plan {
         material: u32,
         emit: impl Fn() -> Patch + Send + Sync + 'static,
     ) {
-        self.pieces.push((material, Box::new(emit)));
+        self.pieces.push(Piece { material, emit: Box::new(emit) });
     }
 
     /// Adds `nu` × `nv` cells of two triangles over the unit square mapped by `f`; returns how
@@ -123,21 +146,46 @@ impl Plan {
     }
 
     /// Computes all pieces on the current rayon pool and joins them in the order they were added.
-    pub(super) fn into_scene(self, name: &str) -> Scene {
-        let patches: Vec<Patch> = self.pieces.par_iter().map(|(_, emit)| emit()).collect();
+    pub(super) fn into_scene(mut self, name: &str) -> Scene {
+        if self.objects.is_empty() {
+            let names =
+                self.pieces.iter().map(|p| self.materials[p.material as usize].name.clone());
+            self.objects =
+                names.enumerate().map(|(i, name)| (name, Motion::default(), i)).collect();
+        }
+        let patches: Vec<Patch> = self.pieces.par_iter().map(|piece| (piece.emit)()).collect();
         let mut positions = Vec::with_capacity(patches.iter().map(|p| p.positions.len()).sum());
         let triangles = patches.iter().map(|p| p.indices.len()).sum();
         let mut indices = Vec::with_capacity(triangles);
         let mut material_ids = Vec::with_capacity(triangles);
-        for (patch, (material, _)) in patches.into_iter().zip(&self.pieces) {
+        // Where each piece begins.
+        let mut starts = Vec::with_capacity(patches.len() + 1);
+        for (patch, piece) in patches.into_iter().zip(&self.pieces) {
             let base = to_u32(positions.len());
+            starts.push((to_u32(indices.len()), base));
             positions.extend_from_slice(&patch.positions);
             indices.extend(patch.indices.iter().map(|t| t.map(|i| i + base)));
-            material_ids.resize(indices.len(), *material);
+            material_ids.resize(indices.len(), piece.material);
         }
+        let end = (to_u32(indices.len()), to_u32(positions.len()));
         let mesh = TriangleMesh::new(positions, indices)
             .expect("generators stay within moderate coordinates and number their own vertices");
-        Scene {
+        let start = |piece: usize| starts.get(piece).copied().unwrap_or(end);
+        let next = self.objects.iter().skip(1).map(|o| o.2).chain([self.pieces.len()]);
+        let object = |((name, motion, first), next): (&(String, Motion, usize), usize)| {
+            let (from, to) = (start(*first), start(next));
+            Object {
+                name: name.clone(),
+                triangles: from.0..to.0,
+                vertices: from.1..to.1,
+                bounds: bounds_of(&mesh, from.0..to.0),
+                dynamic: !motion.is_rest(),
+            }
+        };
+        let objects: Vec<Object> = self.objects.iter().zip(next).map(object).collect();
+        let motions: Vec<Motion> = self.objects.into_iter().map(|(_, motion, _)| motion).collect();
+        let moves = motions.iter().any(|motion| !motion.is_rest());
+        let mut scene = Scene {
             name: name.into(),
             mesh,
             normals: Vec::new(),
@@ -145,11 +193,16 @@ impl Plan {
             material_ids,
             materials: self.materials,
             textures: Vec::new(),
+            objects,
             cameras: self.cameras,
+            path: self.path,
+            animation: moves.then_some(Animation { motions, duration: self.duration }),
             lights: self.lights,
             environment: self.environment,
             dropped: Dropped::default(),
-        }
+        };
+        scene.derive_thickness();
+        scene
     }
 }
 

@@ -231,5 +231,6 @@ fn convert(index: usize, m: &json::Material, ids: &HashMap<Key, usize>) -> Mater
         absorption,
         alpha_mode,
         alpha,
+        ..Material::default()
     }
 }

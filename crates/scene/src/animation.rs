@@ -1,0 +1,225 @@
+//! Motion: where objects are, and how they bend, at a point in time.
+//!
+//! An [`Animation`] is data, not code: a [`Motion`] an object. [`Scene::poses`] evaluates it into
+//! one [`ObjectPose`] an object, a flat record that a GPU applies to every vertex by the equations
+//! that stand there; [`Scene::animate`] applies the same on the CPU. Poses are computed in `f64`
+//! from IEEE operations alone, so they are the same on every platform.
+
+mod pose;
+
+pub use pose::ObjectPose;
+
+use crate::{Scene, generate::math::sin_cos_turns};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+/// How the objects of a scene move.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Animation {
+    /// One an object, in order. Objects past the end rest.
+    pub motions: Vec<Motion>,
+    /// How many seconds of it there are to show, above 0. Times outside are not refused: motions
+    /// go on before and after.
+    pub duration: f64,
+}
+
+/// How one object moves: it bends first, then moves as a whole.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// As a whole.
+    pub rigid: Rigid,
+    /// How it bends, if it does.
+    pub wave: Option<Wave>,
+}
+
+impl Motion {
+    /// True if it neither moves nor bends.
+    #[must_use]
+    pub fn is_rest(&self) -> bool {
+        self.rigid == Rigid::Rest && self.wave.is_none()
+    }
+}
+
+/// Motion of an object as a whole.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Rigid {
+    /// None.
+    #[default]
+    Rest,
+    /// Jumps that repeat, with turns in the air, on ground that may sway.
+    Hop(Hop),
+}
+
+/// Jumps that repeat.
+///
+/// With c = frac(t / `period` + `phase`) and a = min(c / `airborne`, 1), a point x at rest is at
+/// time t (seconds) at
+///
+/// `pivot` + R (x − `pivot`) + 4a(1 − a) `jump` + sin(2π(t / `sway_period` + `sway_phase`)) `sway`
+///
+/// where R turns by 2π · `turns` · a²(3 − 2a) around `axis`, counterclockwise seen from its tip.
+/// An object with a period that is not above 0, or anything not finite, rests in that respect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hop {
+    /// The point around which it turns.
+    pub pivot: Vec3,
+    /// Unit axis of the turn.
+    pub axis: Vec3,
+    /// Turns a jump; with a whole number it lands as it stood.
+    pub turns: f32,
+    /// Where the top of a jump is, from its beginning.
+    pub jump: Vec3,
+    /// Seconds from jump to jump.
+    pub period: f32,
+    /// Where in its period it is at time 0, in periods.
+    pub phase: f32,
+    /// The share of a period spent in the air, above 0 to 1.
+    pub airborne: f32,
+    /// How far the ground sways to either side.
+    pub sway: Vec3,
+    /// Seconds a sway.
+    pub sway_period: f32,
+    /// Where in its sway it is at time 0, in periods.
+    pub sway_phase: f32,
+}
+
+impl Default for Hop {
+    /// Rest: upright, no jump, no turn, no sway.
+    fn default() -> Self {
+        Self {
+            pivot: Vec3::ZERO,
+            axis: Vec3::Y,
+            turns: 0.0,
+            jump: Vec3::ZERO,
+            period: 1.0,
+            phase: 0.0,
+            airborne: 1.0,
+            sway: Vec3::ZERO,
+            sway_period: 1.0,
+            sway_phase: 0.0,
+        }
+    }
+}
+
+impl Hop {
+    /// From rest to where it is at `time`, in seconds.
+    fn transform(&self, time: f64) -> DAffine3 {
+        let cycles = |period: f32, phase: f32| {
+            let cycles = time / f64::from(period) + f64::from(phase);
+            (period > 0.0 && cycles.is_finite()).then(|| cycles - cycles.floor())
+        };
+        let air = match cycles(self.period, self.phase) {
+            Some(c) if self.airborne > 0.0 => (c / f64::from(self.airborne)).min(1.0),
+            _ => 0.0,
+        };
+        let mut shift = self.jump.as_dvec3() * (4.0 * air * (1.0 - air));
+        if let Some(c) = cycles(self.sway_period, self.sway_phase) {
+            shift += self.sway.as_dvec3() * sin_cos_turns(c).0;
+        }
+        let angle = f64::from(self.turns) * air * air * (3.0 - 2.0 * air);
+        let turn = turn(self.axis.as_dvec3(), angle);
+        let pivot = self.pivot.as_dvec3();
+        DAffine3::from_mat3_translation(turn, pivot - turn * pivot + shift)
+    }
+}
+
+/// The rotation by `turns` full turns around a unit axis (Rodrigues), from IEEE operations alone.
+fn turn(axis: DVec3, turns: f64) -> DMat3 {
+    let (sin, cos) = sin_cos_turns(turns);
+    let column = |e: DVec3| e * cos + axis.cross(e) * sin + axis * (axis.dot(e) * (1.0 - cos));
+    DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
+}
+
+/// A travelling wave in cloth or water that is held along one side.
+///
+/// With s = clamp(`hold` · p + `hold_offset`, 0, 1), a point p at rest goes to
+///
+/// p + s² sin(2π (`wave` · p − `frequency` t + `phase`)) `displacement`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wave {
+    /// How far, and in which direction, the crests are from rest.
+    pub displacement: Vec3,
+    /// Where the wave travels; its length is the number of crests a unit of length.
+    pub wave: Vec3,
+    /// Crests a second.
+    pub frequency: f32,
+    /// At time 0, in crests.
+    pub phase: f32,
+    /// Direction away from where the cloth is held, over the length on which it comes free.
+    pub hold: Vec3,
+    /// Such that `hold` · p + `hold_offset` is 0 where it is held.
+    pub hold_offset: f32,
+}
+
+impl Animation {
+    /// Where objects `0..objects` are at `time`, in seconds from the beginning. A time that is not
+    /// finite counts as 0.
+    #[must_use]
+    pub fn poses(&self, time: f64, objects: usize) -> Vec<ObjectPose> {
+        let time = if time.is_finite() { time } else { 0.0 };
+        let pose = |i| self.motions.get(i).map_or(ObjectPose::REST, |m| self.pose(m, time));
+        (0..objects).map(pose).collect()
+    }
+
+    fn pose(&self, motion: &Motion, time: f64) -> ObjectPose {
+        let transform = match &motion.rigid {
+            Rigid::Rest => DAffine3::IDENTITY,
+            Rigid::Hop(hop) => hop.transform(time),
+        };
+        ObjectPose::new(&transform, motion.wave.as_ref(), time)
+    }
+}
+
+impl Scene {
+    /// Where every object of [`Scene::objects_or_whole`] is at `time`, in seconds; all at rest
+    /// without an animation.
+    #[must_use]
+    pub fn poses(&self, time: f64) -> Vec<ObjectPose> {
+        let objects = self.objects.len().max(1);
+        match &self.animation {
+            Some(animation) => animation.poses(time, objects),
+            None => vec![ObjectPose::REST; objects],
+        }
+    }
+
+    /// Writes the vertices, and the shading normals if the scene has any, as they are at `time`,
+    /// in seconds. The vectors keep their memory from call to call; indices, and all else, stay
+    /// those of the scene.
+    pub fn animate(&self, time: f64, positions: &mut Vec<Vec3>, normals: &mut Vec<Vec3>) {
+        let objects = self.objects_or_whole();
+        let poses = self.poses(time);
+        positions.clear();
+        positions.extend_from_slice(self.mesh.positions());
+        normals.clear();
+        normals.extend_from_slice(&self.normals);
+        for (object, pose) in objects.iter().zip(&poses) {
+            if pose.is_rest() {
+                continue;
+            }
+            let range = object.vertices.start as usize..object.vertices.end as usize;
+            let placed = positions.get_mut(range.clone()).unwrap_or(&mut []);
+            // Normals first: they need the points at rest.
+            if let Some(normals) = normals.get_mut(range) {
+                let pairs = normals.par_iter_mut().zip(placed.par_iter());
+                pairs.with_min_len(4096).for_each(|(n, p)| *n = pose.normal(*p, *n));
+            }
+            placed.par_iter_mut().with_min_len(4096).for_each(|p| *p = pose.point(*p));
+        }
+    }
+
+    /// The scene as it stands at `time`, in seconds, without its animation.
+    ///
+    /// # Errors
+    /// If motion took a vertex out of the range of `f32`.
+    pub fn frozen(&self, time: f64) -> Result<Self, niwaki_core::MeshError> {
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        self.animate(time, &mut positions, &mut normals);
+        let mesh = niwaki_core::TriangleMesh::new(positions, self.mesh.indices().to_vec())?;
+        let mut objects = self.objects.clone();
+        for object in &mut objects {
+            object.bounds = crate::object::bounds_of(&mesh, object.triangles.clone());
+        }
+        Ok(Self { mesh, normals, objects, animation: None, ..self.clone() })
+    }
+}
