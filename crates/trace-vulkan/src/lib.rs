@@ -1,0 +1,33 @@
+//! Ray tracing on the GPU through Vulkan.
+//!
+//! ```
+//! use niwaki_trace_vulkan::{Device, GpuError};
+//!
+//! match Device::new() {
+//!     Ok(device) => println!("{}: {:?}", device.name(), device.info().kind),
+//!     Err(GpuError::NoLoader(_) | GpuError::NoDevice(_)) => println!("no Vulkan here"),
+//!     Err(other) => return Err(other),
+//! }
+//! # Ok::<(), GpuError>(())
+//! ```
+
+mod batch;
+mod buffer;
+mod device;
+mod error;
+mod kernel;
+mod lbvh;
+mod memory;
+mod timing;
+
+pub use batch::Batch;
+pub use buffer::Buffer;
+pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions};
+pub use error::GpuError;
+pub use kernel::Kernel;
+pub use lbvh::{GpuLbvh, LbvhConfig, LbvhError, LbvhTimes, LbvhWorkspace};
+pub use timing::Timings;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
