@@ -2,6 +2,7 @@
 
 use crate::bench::Shard;
 use crate::kernel::Collapse;
+use crate::render::RenderArgs;
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
 use crate::trace::TraceArgs;
@@ -26,6 +27,8 @@ pub(crate) enum Command {
     Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
+    /// Draw pictures of a scene: path traced, or by mirrors, glass and hard shadows alone.
+    Render(Box<RenderArgs>),
     /// Regenerate the thesis's tables of builders beside the published values.
     Thesis(Box<ThesisArgs>),
     /// Answer rays from a file: what each hits first, through a chosen tree and kernel.
