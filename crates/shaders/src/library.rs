@@ -16,7 +16,17 @@ macro_rules! embedded {
     };
 }
 
-const EMBEDDED: &[(&str, &str)] = embedded!["probe",];
+const EMBEDDED: &[(&str, &str)] = embedded![
+    "boxes",
+    "drive",
+    "float",
+    "probe",
+    "ray",
+    "trace_binary",
+    "trace_wide",
+    "tracing",
+    "triangle",
+];
 
 /// A set of shader files by name.
 ///

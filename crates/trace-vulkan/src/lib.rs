@@ -16,15 +16,20 @@ mod buffer;
 mod device;
 mod error;
 mod kernel;
+mod layout;
 mod memory;
+mod scene;
 mod timing;
+mod tracer;
 
 pub use batch::Batch;
 pub use buffer::Buffer;
 pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions};
 pub use error::GpuError;
 pub use kernel::Kernel;
+pub use scene::{DeviceTree, GpuScene, TreeLayout};
 pub use timing::Timings;
+pub use tracer::{Query, Schedule, Trace, Tracer};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
