@@ -17,8 +17,11 @@ mod device;
 mod error;
 mod kernel;
 mod lbvh;
+mod layout;
 mod memory;
+mod scene;
 mod timing;
+mod tracer;
 
 pub use batch::Batch;
 pub use buffer::Buffer;
@@ -26,7 +29,9 @@ pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions};
 pub use error::GpuError;
 pub use kernel::Kernel;
 pub use lbvh::{GpuLbvh, LbvhConfig, LbvhError, LbvhTimes, LbvhWorkspace};
+pub use scene::{DeviceTree, GpuScene, TreeLayout};
 pub use timing::Timings;
+pub use tracer::{Query, Schedule, Trace, Tracer};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
