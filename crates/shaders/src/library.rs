@@ -28,6 +28,7 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "lbvh/mark",
     "lbvh/morton",
     "lbvh/rank",
+    "lbvh/scan",
     "lbvh/sort",
     "lbvh/state",
     "lbvh/tree",
