@@ -2,7 +2,7 @@
 //! shadows, and nothing is left to chance (Whitted 1980, "An Improved Illumination Model for
 //! Shaded Display"; the reference of thesis paper III, section 3.4).
 //!
-//! What a surface sends to the viewer is the model of [`shading`](crate::shading).
+//! What a surface sends to the viewer is the model of [`shading`].
 
 use crate::{
     fresnel::{reflect, refract},
