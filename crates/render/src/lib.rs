@@ -30,7 +30,8 @@
 //! | [`plan`], [`stats`] | which effects run and why; what a rendering took |
 //! | [`record`] | rays as the path tracer traces them, and random rays, for measurements |
 //! | [`heat_map`] | costs per pixel as colours |
-//! | [`image`] | linear images, PNG and EXR files, error metrics |
+//! | [`image`] | linear images, PNG and EXR files, simple errors |
+//! | [`metrics`] | FLIP, HDR-FLIP, PSNR, SSIM |
 //! | [`tone`] | exposure and the tone curve of PNG files |
 //! | [`view`] | primary rays of a pinhole camera |
 //! | [`offset`] | origins that cannot hit the surface they leave |
@@ -45,6 +46,7 @@ pub mod fresnel;
 pub mod heat_map;
 pub mod image;
 mod lights;
+pub mod metrics;
 mod microfacet;
 pub mod occlusion;
 pub mod offset;

@@ -2,7 +2,7 @@
 //! shadows, and nothing is left to chance (Whitted 1980, "An Improved Illumination Model for
 //! Shaded Display"; the reference of thesis paper III, section 3.4).
 //!
-//! What a surface sends to the viewer is the model of [`shading`](crate::shading).
+//! What a surface sends to the viewer is the model of [`shading`].
 
 use crate::{
     fresnel::{reflect, refract},
@@ -351,7 +351,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         let (metallic, roughness) = surface.metallic_roughness(self.scene);
         let (polished, mean_fresnel) =
             self.coats.get(surface.material_id).copied().unwrap_or_default();
-        let mirror = shading::mirror_share(roughness, self.settings.mirror_roughness);
+        let limit = self.settings.mirror_roughness;
         let transmission = surface.material.transmission;
         PointMaterial {
             base: surface.base_color(self.scene),
@@ -360,8 +360,8 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             transmission: if transmission.is_nan() { 0.0 } else { transmission.clamp(0.0, 1.0) },
             ior: surface.material.index_of_refraction(),
             mean_fresnel,
-            mirror,
-            coat_mirror: if polished { mirror } else { 0.0 },
+            mirror: shading::metal_mirror_share(roughness, metallic, limit),
+            coat_mirror: if polished { shading::mirror_share(roughness, limit) } else { 0.0 },
             front: surface.front,
         }
     }

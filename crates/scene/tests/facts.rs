@@ -92,6 +92,10 @@ fn textures_decide_where_they_vary() {
     assert!(!facts.reflective && !facts.polished && facts.glossy);
     let facts = facts_of(coat, two_pixels([0, 0, 0, 0], [0, 30, 0, 0]));
     assert!(facts.reflective && facts.polished && !facts.glossy);
+    // Compression leaves traces of metal.
+    let noisy = two_pixels([0, 0, 0, 255], [0, 255, 100, 255]);
+    let facts = facts_of(textured(1.0, 1.0), noisy);
+    assert!(!facts.reflective && facts.glossy && facts.diffuse);
     // A texture that the scene does not have reads as ones.
     let facts = facts_of(textured(1.0, 1.0), vec![]);
     assert!(!facts.textured && facts.glossy);
