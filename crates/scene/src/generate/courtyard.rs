@@ -63,7 +63,7 @@ fn materials() -> Vec<Material> {
 
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let camera =
-        Camera::look_at(Vec3::new(-2.15, 1.5, 2.5), Vec3::new(0.35, 0.78, 0.0), Vec3::Y, 0.75);
+        Camera::look_at(Vec3::new(-1.75, 1.35, 1.55), Vec3::new(0.25, 0.80, -0.2), Vec3::Y, 0.75);
     let mut plan = Plan::new(materials(), camera, Environment::DAYLIGHT);
     plan.path = Some(path());
     plan.lights.push(Light {
@@ -259,9 +259,9 @@ fn path() -> CameraPath {
     };
     CameraPath::new(
         vec![
-            key(-2.15, 1.5, 2.5, 0.35, 0.78, 0.0),
-            key(-1.5, 1.35, 1.9, 0.3, 0.8, 0.0),
-            key(-0.8, 1.2, 1.45, 0.2, 0.84, 0.0),
+            key(-1.75, 1.35, 1.55, 0.25, 0.80, -0.2),
+            key(-1.3, 1.28, 1.45, 0.25, 0.82, -0.2),
+            key(-0.7, 1.2, 1.35, 0.25, 0.84, -0.2),
             key(0.0, 1.15, 1.3, 0.3, 0.85, -0.4),
             key(0.8, 1.2, 1.4, 0.2, 0.85, -0.6),
             key(1.5, 1.35, 1.7, 0.2, 0.85, -0.6),

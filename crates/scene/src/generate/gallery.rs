@@ -75,7 +75,7 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         // The knot on its edge: what lay along Z stands upright.
         let p = dragon::surface(u, v, seed);
         let p = DVec3::new(p.x, p.z, -(p.y - 0.62));
-        SERPENT + DVec3::Y * (0.7 + 1.62 * SERPENT_SCALE) + p * SERPENT_SCALE
+        SERPENT + DVec3::Y * (0.7 + 1.53 * SERPENT_SCALE) + p * SERPENT_SCALE
     });
     plan
 }
