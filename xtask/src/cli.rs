@@ -97,12 +97,12 @@ pub(crate) struct BenchArgs {
                           "bounce4", "all"])]
     pub(crate) rays: Vec<String>,
 
-    /// Our traversal kernels, comma-separated: scalar, avx2, avx512, or watertight for the best that
-    /// this processor has [default: watertight]
+    /// Our traversal kernels, comma-separated: scalar, sse42_4, avx2, avx512, or watertight for the best
+    /// that this processor has [default: watertight]
     ///
     /// Behind the instructions may stand, in this order:
     ///
-    /// - the children of a node: _4 (scalar_4, avx2_4) or _16 (scalar_16, avx512_16); 8 without;
+    /// - the children of a node: _4 (scalar_4, sse42_4, avx2_4) or _16 (scalar_16, avx512_16); 8 without;
     ///
     /// - _quantised for nodes of half the size (avx512_quantised; quantised for the best);
     ///

@@ -15,6 +15,7 @@ use niwaki_wide::{CollapseSettings, WideBvh};
 /// |---|---|---|
 /// | x86-64 with AVX-512 | 16 | [`Kernel::Avx512`] |
 /// | x86-64 with AVX2 | 8 | [`Kernel::Avx2`] |
+/// | x86-64 with SSE4.2 | 4 | [`Kernel::Sse42`] |
 /// | any other | 8 | [`Kernel::Scalar`] |
 ///
 /// Which width is chosen decides memory and time, not answers: they are those of every

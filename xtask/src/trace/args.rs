@@ -40,7 +40,7 @@ pub(crate) struct TraceArgs {
     #[arg(long, value_name = "NAME", default_value = "best")]
     pub(crate) builder: String,
 
-    /// scalar, avx2, avx512, binary (the reference over the binary tree) or brute (every triangle
+    /// scalar, sse42, avx2, avx512, binary (the reference over the binary tree) or brute (every triangle
     /// for every ray) [default: the fastest that this processor has]
     #[arg(long, value_name = "NAME")]
     pub(crate) kernel: Option<String>,

@@ -2,7 +2,6 @@
 
 mod args;
 mod output;
-mod rays;
 
 pub(crate) use args::TraceArgs;
 
@@ -39,7 +38,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<ExitCode> {
     let choice = Choice::of(args)?;
     let builder = builder(&args.builder)?;
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
-    let rays = rays::load(&args.rays)?;
+    let rays = niwaki_ray_file::load(&args.rays)
+        .with_context(|| format!("cannot read rays from {}", args.rays.display()))?;
     let threads = args.threads.map_or_else(machine::cores, usize::from);
     let pool = pool(threads)?;
     let progress = Progress::new(3 + rays.len().div_ceil(STEP));
