@@ -56,7 +56,11 @@ impl GpuLbvh {
     /// # Errors
     /// As [`Device::kernel`].
     pub fn new(device: &Device) -> Result<Self, GpuError> {
-        Ok(Self { device: device.clone(), kernels: Arc::new(Kernels::new(device)?) })
+        Self::with_max_groups(device, device.info().max_groups[0])
+    }
+
+    fn with_max_groups(device: &Device, max_groups: u32) -> Result<Self, GpuError> {
+        Ok(Self { device: device.clone(), kernels: Arc::new(Kernels::new(device, max_groups)?) })
     }
 
     /// Memory for trees of up to `capacity` primitives, built with the same settings again and again:
