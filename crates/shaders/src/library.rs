@@ -17,6 +17,9 @@ macro_rules! embedded {
 }
 
 const EMBEDDED: &[(&str, &str)] = embedded![
+    "boxes",
+    "drive",
+    "float",
     "lbvh/bounds",
     "lbvh/boxes",
     "lbvh/emit",
@@ -31,6 +34,11 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "lbvh/tree",
     "lbvh/triangles",
     "probe",
+    "ray",
+    "trace_binary",
+    "trace_wide",
+    "tracing",
+    "triangle",
 ];
 
 /// A set of shader files by name.

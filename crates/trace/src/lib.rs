@@ -46,6 +46,7 @@ mod flat;
 mod kernel;
 mod kernels;
 mod mode;
+mod prepare;
 mod quantised;
 mod query;
 mod scale;
@@ -61,6 +62,7 @@ pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;
 pub use mode::Mode;
+pub use prepare::{Prepared, check_binary};
 pub use quantised::QuantisedScene;
 pub use query::{
     Batches, CustomScene, HitQueries, LengthMismatch, MaskedScene, MeshQueries, NearestPoint,
