@@ -59,12 +59,16 @@ fn count_digits(
 @compute @workgroup_size(128)
 fn scan_digits(
     @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
     let tiles = tile_count(state[S_COUNT]);
-    let row = group.x * tiles;
+    let digit = group_index(group, groups);
+    let row = digit * tiles;
+    // Nothing for those that only fill the last row of workgroups.
+    let end = select(0u, tiles, digit < DIGITS);
     var total = 0u;
-    for (var first = 0u; first < tiles; first += 4u * TILE_THREADS) {
+    for (var first = 0u; first < end; first += 4u * TILE_THREADS) {
         let at = first + 4u * thread;
         var values = vec4<u32>(0u);
         for (var i = 0u; i < 4u; i++) {
@@ -82,8 +86,8 @@ fn scan_digits(
         }
         total += scan.total.x;
     }
-    if (thread == 0u) {
-        table[DIGITS * tiles + group.x] = total;
+    if (thread == 0u && digit < DIGITS) {
+        table[DIGITS * tiles + digit] = total;
     }
 }
 
