@@ -18,7 +18,7 @@ use crate::{
 };
 use glam::{DVec3, Vec2, Vec3};
 use niwaki_core::{Intersector, Ray, glam};
-use niwaki_scene::{Scene, SceneFacts};
+use niwaki_scene::{Camera, Scene, SceneFacts};
 
 /// Where ambient radiance comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,10 +155,23 @@ impl Whitted {
         intersector: &I,
         progress: impl Fn(usize, usize) + Sync,
     ) -> (Image, RenderStats) {
-        let WhittedSettings { width, height, grid, .. } = self.settings;
         let Some(camera) = scene.cameras.first() else {
-            return (Image::black(width, height), RenderStats::default());
+            let black = Image::black(self.settings.width, self.settings.height);
+            return (black, RenderStats::default());
         };
+        self.render_from(camera, scene, intersector, progress)
+    }
+
+    /// As [`Whitted::render_with`], from another camera than the scene's first.
+    #[must_use]
+    pub fn render_from<I: Intersector + ?Sized>(
+        &self,
+        camera: &Camera,
+        scene: &Scene,
+        intersector: &I,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> (Image, RenderStats) {
+        let WhittedSettings { width, height, grid, .. } = self.settings;
         let view = View::new(camera, width, height);
         let stage = Stage::new(scene, intersector, &self.settings);
         let step = (grid.max(1) as f32).recip();

@@ -186,6 +186,23 @@ fn shadows_have_sharp_edges_where_geometry_says() {
     assert_eq!(color(&seen_at(&scene, 0.49), 0), Vec3::ZERO);
 }
 
+#[test]
+fn another_camera_shows_what_it_would_as_the_scenes_own() {
+    let scene = Parts::new()
+        .cuboid(Vec3::splat(-1.0), Vec3::ONE, &Material::default())
+        .scene(camera(Vec3::Z * 4.0, Vec3::ZERO, 0.8), Environment::DAYLIGHT);
+    let other = camera(Vec3::new(2.0, 3.0, -3.0), Vec3::ZERO, 0.6);
+    let moved = Scene { cameras: vec![other], ..scene.clone() };
+    let whitted = Whitted::new(exact(8, 2));
+    let tracer = tree(&scene.mesh);
+    let from = whitted.render_from(&other, &scene, &tracer, |_, _| {});
+    assert_eq!(from, whitted.render_with(&moved, &tracer, |_, _| {}));
+    assert_ne!(from.0, whitted.render(&scene, &tracer));
+    let path = PathTracer::new(settings(8, 2, 2));
+    let from = path.render_from(&other, &scene, &tracer, |_, _| {});
+    assert_eq!(from, path.render_with(&moved, &tracer, |_, _| {}));
+}
+
 fn seen_at(scene: &Scene, x: f32) -> Scene {
     let eye = camera(Vec3::new(x, 0.5, 0.0), Vec3::new(x, 0.0, 0.0), 1e-5);
     Scene { cameras: vec![eye], ..scene.clone() }
