@@ -31,7 +31,8 @@ pub struct MaterialFacts {
     pub polished: bool,
     /// Calls for refracted rays.
     pub transmissive: bool,
-    /// Transmits, and its inside absorbs.
+    /// Its inside absorbs: the material has transmission (even where metallic leaves none) and an
+    /// absorption coefficient.
     pub absorbing: bool,
     /// Gives off light.
     pub emissive: bool,
@@ -331,7 +332,7 @@ fn examine(m: &Material, ranges: &[Range], mirror_roughness: f32) -> MaterialFac
         reflective: metallic.1 > 0.5 && roughness.0 < limit || polished || transmissive && coat,
         polished,
         transmissive,
-        absorbing: transmissive && m.absorption.max_element() > 0.0,
+        absorbing: transmission > 0.0 && m.absorption.max_element() > 0.0,
         emissive: (0..3).any(|k| m.emission[k] > 0.0 && glow[k].1 > 0.0),
         masked: matches!(m.alpha_mode, AlphaMode::Mask(cutoff) if alpha.0 < cutoff),
         blended: m.alpha_mode == AlphaMode::Blend && alpha.0 < 1.0,

@@ -62,6 +62,10 @@ fn classes_follow_from_the_numbers() {
     // All metal: nothing is left that transmission could share.
     let metal = Material { transmission: 1.0, ..Material::metal("m", Vec3::ONE, 0.5) };
     assert_eq!(class_of(metal), MaterialClass::Glossy);
+    let metal =
+        Material { transmission: 1.0, absorption: Vec3::X, ..Material::metal("m", Vec3::ONE, 0.5) };
+    let metal = facts_of(metal, vec![]);
+    assert!(metal.absorbing && !metal.transmissive, "alpha may let rays in all the same");
     let broken = Material { metallic: f32::NAN, roughness: f32::NAN, ior: f32::NAN, ..matte };
     assert_eq!(class_of(broken), MaterialClass::Mirror, "NaN reads as 0");
     let black = facts_of(Material::matte("black", Vec3::ZERO), vec![]);
