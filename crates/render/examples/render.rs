@@ -16,7 +16,7 @@ use niwaki_core::{
 };
 use niwaki_render::{PathSettings, PathTracer, ToneCurve};
 use niwaki_scene::{Camera, Environment, LoadOptions, Material, Scene, generate};
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use std::{error::Error, path::PathBuf, time::Instant};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{}: {} triangles, {} lights", scene.name, scene.mesh.len(), scene.lights.len());
     println!("{:?}\n{:?}\n{}", scene.cameras[0], scene.environment, scene.dropped);
     let bvh = Binned::default().build(&scene.mesh.prim_refs())?;
-    let tracer = WideScene::new(&bvh, &scene.mesh)?;
+    let tracer = AutoScene::new(&bvh, &scene.mesh)?;
     let settings =
         PathSettings { width, height: width * 9 / 16, samples, ..PathSettings::default() };
     let start = Instant::now();

@@ -19,18 +19,50 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
+/// The magma colour map (van der Walt and Smith 2015, CC0) at 17 equal steps from 0 to 1, sRGB.
+const MAGMA: [[u8; 3]; 17] = [
+    [0, 0, 4],
+    [10, 8, 34],
+    [29, 17, 71],
+    [54, 16, 107],
+    [81, 18, 124],
+    [106, 28, 129],
+    [131, 38, 129],
+    [156, 46, 127],
+    [183, 55, 121],
+    [207, 64, 112],
+    [229, 80, 100],
+    [244, 105, 92],
+    [251, 135, 97],
+    [254, 165, 113],
+    [254, 194, 135],
+    [253, 224, 161],
+    [252, 253, 191],
+];
+
 /// The colour for `x` in 0 to 1 (cut outside, NaN reads as 0), linear RGB: viridis, which is
 /// perceptually uniform and can be read by people with red-green blindness.
 #[must_use]
 pub fn viridis(x: f32) -> Vec3 {
-    let x = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) } * (VIRIDIS.len() - 1) as f32;
+    interpolate(&VIRIDIS, x)
+}
+
+/// As [`viridis`], but from black: magma, in which FLIP shows errors.
+#[must_use]
+pub fn magma(x: f32) -> Vec3 {
+    interpolate(&MAGMA, x)
+}
+
+/// A colour map at `x`.
+fn interpolate(map: &[[u8; 3]], x: f32) -> Vec3 {
+    let x = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) } * (map.len() - 1) as f32;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "clamped to the table"
     )]
-    let i = (x as usize).min(VIRIDIS.len() - 2);
-    let color = |i: usize| Vec3::from(VIRIDIS[i].map(f32::from)) / 255.0;
+    let i = (x as usize).min(map.len() - 2);
+    let color = |i: usize| Vec3::from(map[i].map(f32::from)) / 255.0;
     let encoded = color(i).lerp(color(i + 1), x - i as f32);
     Vec3::from(encoded.to_array().map(srgb_to_linear))
 }
@@ -104,8 +136,10 @@ mod tests {
 
     #[test]
     fn colours_get_lighter_all_the_way() {
-        let steps: Vec<f32> = (0..=256).map(|i| luminance(viridis(i as f32 / 256.0))).collect();
-        assert!(steps.windows(2).all(|w| w[0] < w[1]));
+        for map in [viridis, magma] {
+            let steps: Vec<f32> = (0..=256).map(|i| luminance(map(i as f32 / 256.0))).collect();
+            assert!(steps.windows(2).all(|w| w[0] < w[1]));
+        }
         assert_eq!(viridis(f32::NAN), viridis(0.0));
         assert_eq!(viridis(9.0), viridis(1.0));
     }

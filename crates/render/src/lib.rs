@@ -1,4 +1,4 @@
-//! CPU reference path tracer, image output and ray recording.
+//! CPU reference integrators, image output with metrics, and ray recording.
 //!
 //! ```
 //! use niwaki_core::{Hit, Intersector, Ray};
@@ -25,9 +25,13 @@
 //! | module | holds |
 //! |---|---|
 //! | [`path`] | the path tracer: next-event estimation, multiple importance sampling, roulette |
+//! | [`whitted`], [`shading`] | the Whitted integrator, and its shading model as plain functions |
+//! | [`occlusion`] | ambient occlusion |
+//! | [`plan`], [`stats`] | which effects run and why; what a rendering took |
 //! | [`record`] | rays as the path tracer traces them, and random rays, for measurements |
 //! | [`heat_map`] | costs per pixel as colours |
-//! | [`image`] | linear images, PNG and EXR files, error metrics |
+//! | [`image`] | linear images, PNG and EXR files, simple errors |
+//! | [`metrics`] | FLIP, HDR-FLIP, PSNR, SSIM |
 //! | [`tone`] | exposure and the tone curve of PNG files |
 //! | [`view`] | primary rays of a pinhole camera |
 //! | [`offset`] | origins that cannot hit the surface they leave |
@@ -42,19 +46,31 @@ pub mod fresnel;
 pub mod heat_map;
 pub mod image;
 mod lights;
+pub mod metrics;
 mod microfacet;
+pub mod occlusion;
 pub mod offset;
 pub mod path;
+pub mod plan;
+mod query;
 pub mod record;
 mod rng;
 mod sampling;
+pub mod shading;
+pub mod stats;
 mod surface;
+mod tiles;
 pub mod tone;
 pub mod view;
+pub mod whitted;
 
 pub use heat_map::{HeatMap, traversal_heat_map};
 pub use image::{Image, ImageError};
-pub use path::{PathSettings, PathTracer, RenderStats};
+pub use occlusion::{AmbientOcclusion, OcclusionSettings};
+pub use path::{PathSettings, PathTracer};
+pub use plan::{Decision, Effect, EffectPlan, Planning};
 pub use record::{RayKind, RaySets, RecordSettings, random_rays, record_rays};
+pub use stats::RenderStats;
 pub use tone::{Exposure, ToneCurve};
 pub use view::View;
+pub use whitted::{AmbientLight, Whitted, WhittedSettings};

@@ -56,10 +56,6 @@ impl AreaLights {
         lights
     }
 
-    pub(crate) const fn is_empty(&self) -> bool {
-        self.prims.is_empty()
-    }
-
     fn total(&self) -> f64 {
         self.cumulative.last().copied().unwrap_or(0.0)
     }

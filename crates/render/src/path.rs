@@ -8,24 +8,20 @@ use crate::{
     bsdf::{Bsdf, cosine_density},
     image::Image,
     lights::AreaLights,
-    offset::offset_origin,
+    plan::{Effect, EffectPlan, Planning},
+    query::{Found, Passed, Query, leave},
     rng::Sampler,
     sampling::{Frame, power_heuristic},
+    stats::{Observer, RenderStats},
     surface::Surface,
+    tiles::render_tiles,
     view::View,
 };
 use direct::Vertex;
 use glam::{DVec3, Vec3};
-use niwaki_core::{Hit, Intersector, Ray, glam};
-use niwaki_scene::{AlphaMode, Scene};
+use niwaki_core::{Intersector, Ray, glam};
+use niwaki_scene::{Scene, SceneFacts};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Side of the square tiles that threads take, in pixels.
-const TILE: u32 = 16;
-
-/// Most surfaces that one ray may pass where alpha cuts them out; further ones block it.
-const MAX_CUTOUTS: u32 = 1024;
 
 /// What to render and how exactly.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +46,8 @@ pub struct PathSettings {
     pub light_sampling: bool,
     /// Seed of all random choices.
     pub seed: u64,
+    /// Who decides on the effects; makes no difference to the image.
+    pub planning: Planning,
 }
 
 impl Default for PathSettings {
@@ -64,28 +62,7 @@ impl Default for PathSettings {
             clamp: None,
             light_sampling: true,
             seed: 0,
-        }
-    }
-}
-
-/// What a rendering took.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RenderStats {
-    /// Closest-hit queries, continuations through cut-out surfaces included.
-    pub closest_hit_rays: u64,
-    /// Queries for visibility between a surface and a light.
-    pub shadow_rays: u64,
-    /// Paths whose radiance was not finite and was left out of the image: overflow at extreme
-    /// scales or intensities. 0 for any reasonable scene.
-    pub dropped_paths: u64,
-}
-
-impl RenderStats {
-    const fn plus(self, other: Self) -> Self {
-        Self {
-            closest_hit_rays: self.closest_hit_rays + other.closest_hit_rays,
-            shadow_rays: self.shadow_rays + other.shadow_rays,
-            dropped_paths: self.dropped_paths + other.dropped_paths,
+            planning: Planning::Scene,
         }
     }
 }
@@ -131,100 +108,81 @@ impl PathTracer {
         intersector: &I,
         progress: impl Fn(usize, usize) + Sync,
     ) -> (Image, RenderStats) {
-        let PathSettings { width, height, samples, .. } = self.settings;
-        let mut image = Image::black(width, height);
-        let Some(camera) = scene.cameras.first() else { return (image, RenderStats::default()) };
+        let PathSettings { width, height, samples, seed, .. } = self.settings;
+        let Some(camera) = scene.cameras.first() else {
+            return (Image::black(width, height), RenderStats::default());
+        };
         let view = View::new(camera, width, height);
         let stage = Stage::new(scene, intersector, &self.settings);
-        let columns = width.div_ceil(TILE);
-        let tiles = columns as usize * height.div_ceil(TILE) as usize;
-        let finished = AtomicUsize::new(0);
-        let done: Vec<(Vec<Vec3>, RenderStats)> = (0..niwaki_core::to_u32(tiles))
-            .into_par_iter()
-            .map(|tile| {
-                let mut stats = RenderStats::default();
-                let pixels = tile_pixels(tile, columns, width, height)
-                    .map(|(x, y)| {
-                        let mut sum = DVec3::ZERO;
-                        for sample in 0..samples {
-                            let pixel = y.wrapping_mul(width).wrapping_add(x);
-                            let mut sampler = Sampler::new(pixel, sample, self.settings.seed);
-                            let ray = view.ray(x, y, sampler.next_2d());
-                            let radiance = stage.trace(ray, &mut sampler, &mut stats);
-                            if radiance.is_finite() {
-                                sum += radiance.as_dvec3();
-                            } else {
-                                stats.dropped_paths += 1;
-                            }
-                        }
-                        (sum / f64::from(samples.max(1))).as_vec3()
-                    })
-                    .collect();
-                progress(finished.fetch_add(1, Ordering::Relaxed) + 1, tiles);
-                (pixels, stats)
-            })
-            .collect();
-        let mut stats = RenderStats::default();
-        for (tile, (pixels, taken)) in (0..).zip(done) {
-            stats = stats.plus(taken);
-            for ((x, y), pixel) in tile_pixels(tile, columns, width, height).zip(pixels) {
-                image.set(x, y, pixel);
+        render_tiles(width, height, progress, |x, y, stats| {
+            let mut sum = DVec3::ZERO;
+            for sample in 0..samples {
+                let pixel = y.wrapping_mul(width).wrapping_add(x);
+                let mut sampler = Sampler::new(pixel, sample, seed);
+                let ray = view.ray(x, y, sampler.next_2d());
+                let radiance = stage.trace(ray, &mut sampler, stats);
+                if radiance.is_finite() {
+                    sum += radiance.as_dvec3();
+                } else {
+                    stats.dropped_paths += 1;
+                }
             }
+            (sum / f64::from(samples.max(1))).as_vec3()
+        })
+    }
+
+    /// The effects that a rendering of this scene simulates, and why.
+    #[must_use]
+    pub fn plan(&self, scene: &Scene) -> EffectPlan {
+        plan(scene, &self.settings)
+    }
+}
+
+/// The effects of path tracing a scene.
+fn plan(scene: &Scene, settings: &PathSettings) -> EffectPlan {
+    const EFFECTS: [Effect; 7] = [
+        Effect::PunctualLight,
+        Effect::AreaLight,
+        Effect::EnvironmentLight,
+        Effect::Sky,
+        Effect::Emission,
+        Effect::Alpha,
+        Effect::Absorption,
+    ];
+    // What counts as a mirror makes no difference here.
+    let facts = SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS);
+    let mut plan = EffectPlan::new(&facts, &EFFECTS, settings.planning);
+    if !settings.light_sampling || settings.max_depth == 0 {
+        for effect in [Effect::PunctualLight, Effect::AreaLight, Effect::EnvironmentLight] {
+            plan = plan.without(effect, "the settings sample no lights");
         }
-        (image, stats)
     }
-}
-
-/// Pixels of a tile, row by row.
-fn tile_pixels(
-    tile: u32,
-    columns: u32,
-    width: u32,
-    height: u32,
-) -> impl Iterator<Item = (u32, u32)> {
-    let (left, top) = (tile % columns * TILE, tile / columns * TILE);
-    (top..(top + TILE).min(height))
-        .flat_map(move |y| (left..(left + TILE).min(width)).map(move |x| (x, y)))
-}
-
-/// Sees the rays of a path as they are traced.
-pub(crate) trait Observer {
-    /// A ray that goes on from the path's vertex number `depth` (0 is the camera).
-    fn closest(&mut self, depth: u32, ray: &Ray);
-    /// A ray from a surface towards a light.
-    fn shadow(&mut self, ray: &Ray);
-    /// The path met a surface after `depth` scattering events.
-    fn surface(&mut self, depth: u32, surface: &Surface<'_>);
-    /// A continuation through a cut-out surface.
-    fn continuation(&mut self);
-}
-
-impl Observer for RenderStats {
-    fn closest(&mut self, _: u32, _: &Ray) {
-        self.closest_hit_rays += 1;
-    }
-    fn shadow(&mut self, _: &Ray) {
-        self.shadow_rays += 1;
-    }
-    fn surface(&mut self, _: u32, _: &Surface<'_>) {}
-    fn continuation(&mut self) {
-        self.closest_hit_rays += 1;
-    }
+    plan
 }
 
 /// A scene made ready for path tracing.
 pub(crate) struct Stage<'a, I: Intersector + ?Sized> {
     scene: &'a Scene,
-    intersector: &'a I,
     settings: &'a PathSettings,
     area_lights: AreaLights,
     /// One per material; shared through `coats`.
     coat_ids: Vec<usize>,
     coats: Vec<CoatAlbedo>,
-    /// Some surface may let rays pass by its alpha.
-    cut_out: bool,
-    environment: bool,
+    query: Query<'a, I>,
+    runs: Runs,
+}
+
+/// The plan as the inner loops read it.
+#[derive(Clone, Copy)]
+struct Runs {
     punctual: bool,
+    area: bool,
+    environment: bool,
+    sky: bool,
+    emission: bool,
+    absorption: bool,
+    /// Rays that can carry no light are traced too.
+    everything: bool,
 }
 
 /// What multiple importance sampling must know of the last scattering event.
@@ -242,23 +200,33 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         let mut iors: Vec<u32> = Vec::new();
         let mut coat_ids = Vec::with_capacity(scene.materials.len());
         for material in &scene.materials {
-            let bits = sane_ior(material.ior).to_bits();
+            let bits = material.index_of_refraction().to_bits();
             let id = iors.iter().position(|&known| known == bits).unwrap_or_else(|| {
                 iors.push(bits);
                 iors.len() - 1
             });
             coat_ids.push(id);
         }
+        let plan = plan(scene, settings);
+        let runs = Runs {
+            punctual: plan.runs(Effect::PunctualLight),
+            area: plan.runs(Effect::AreaLight),
+            environment: plan.runs(Effect::EnvironmentLight),
+            sky: plan.runs(Effect::Sky),
+            emission: plan.runs(Effect::Emission),
+            absorption: plan.runs(Effect::Absorption),
+            everything: settings.planning == Planning::Everything,
+        };
+        // Hits on emissive surfaces are weighed against the light samples that could have been.
+        let lights = runs.emission || runs.area;
         Self {
             scene,
-            intersector,
             settings,
-            area_lights: AreaLights::new(scene),
+            area_lights: if lights { AreaLights::new(scene) } else { AreaLights::default() },
             coat_ids,
             coats: iors.par_iter().map(|&bits| CoatAlbedo::new(f32::from_bits(bits))).collect(),
-            cut_out: scene.materials.iter().any(|m| m.alpha_mode != AlphaMode::Opaque),
-            environment: !scene.environment.is_dark(),
-            punctual: !scene.lights.is_empty(),
+            query: Query { scene, intersector, alpha: plan.runs(Effect::Alpha) },
+            runs,
         }
     }
 
@@ -278,7 +246,13 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         for depth in 0.. {
             observer.closest(depth, &ray);
             let limit = if depth > 1 { self.settings.clamp } else { None };
-            let Some((surface, distance)) = self.closest_surface(ray, sampler, observer) else {
+            let found = self
+                .query
+                .closest(ray, Passed::default(), observer, |opacity| sampler.next_1d() < opacity);
+            let Some(Found { surface, passed: Passed { distance, .. }, .. }) = found else {
+                if !self.runs.sky {
+                    break;
+                }
                 let weight = if last.specular {
                     1.0
                 } else {
@@ -289,11 +263,11 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
                 break;
             };
             let material = surface.material;
-            if !surface.front && material.transmission > 0.0 && material.absorption != Vec3::ZERO {
+            if self.runs.absorption && !surface.front && material.transmission > 0.0 {
                 // Beer and Lambert: the segment that ends on the inside ran through it.
                 throughput *= (-material.absorption.max(Vec3::ZERO) * distance).exp();
             }
-            let emission = surface.emission(scene);
+            let emission = if self.runs.emission { surface.emission(scene) } else { Vec3::ZERO };
             if emission != Vec3::ZERO {
                 let weight = if last.specular {
                     1.0
@@ -332,6 +306,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             if throughput.max_element() <= 0.0 || !throughput.is_finite() {
                 break;
             }
+            observer.scattered(sample.wi.z <= 0.0);
             ray = Ray::new(origin, direction);
             let specular = sample.specular || !self.settings.light_sampling;
             last = Last { pdf: sample.pdf, normal: surface.normal, specular };
@@ -339,38 +314,11 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         radiance
     }
 
-    /// The first surface that the ray really meets, and the distance to it.
-    fn closest_surface(
-        &self,
-        mut ray: Ray,
-        sampler: &mut Sampler,
-        observer: &mut impl Observer,
-    ) -> Option<(Surface<'a>, f32)> {
-        let mut passed = 0.0;
-        for step in 0..=MAX_CUTOUTS {
-            let hit: Hit = self.intersector.closest_hit(&ray);
-            let surface = Surface::at(self.scene, &ray, &hit)?;
-            let distance = passed + hit.t;
-            if !self.cut_out || step == MAX_CUTOUTS {
-                return Some((surface, distance));
-            }
-            let opacity = surface.opacity(self.scene);
-            if opacity >= 1.0 || (opacity > 0.0 && sampler.next_1d() < opacity) {
-                return Some((surface, distance));
-            }
-            observer.continuation();
-            let origin = offset_origin(surface.point, -surface.geometric_normal, surface.reach);
-            ray = Ray::new(origin, ray.direction);
-            passed = distance;
-        }
-        None
-    }
-
     /// How a surface scatters; materials between the kinds choose by chance.
     fn bsdf(&self, surface: &Surface<'_>, sampler: &mut Sampler) -> Bsdf<'_> {
         let base = surface.base_color(self.scene);
         let (metallic, roughness) = surface.metallic_roughness(self.scene);
-        let ior = sane_ior(surface.material.ior);
+        let ior = surface.material.index_of_refraction();
         let choice = sampler.next_1d();
         if choice < metallic {
             return Bsdf::Metal { f0: base, roughness };
@@ -393,21 +341,6 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             / cosine;
         narrow(pdf)
     }
-}
-
-/// The origin of a ray that leaves in `direction`; `None` if shading and geometric normal disagree
-/// on whether it goes through the surface.
-fn leave(surface: &Surface<'_>, direction: Vec3, reflected: bool) -> Option<Vec3> {
-    let normal = surface.geometric_normal;
-    let outside = normal.dot(direction) > 0.0;
-    (outside == reflected).then(|| {
-        offset_origin(surface.point, if outside { normal } else { -normal }, surface.reach)
-    })
-}
-
-/// An index of refraction that can be calculated with: 1 to 10, 1.5 if it is no number.
-fn sane_ior(ior: f32) -> f32 {
-    if ior.is_finite() { ior.clamp(1.0, 10.0) } else { 1.5 }
 }
 
 /// To `f32`, at most its largest value: densities only enter quotients.

@@ -2,9 +2,11 @@
 
 use crate::{
     offset::offset_origin,
-    path::{Observer, PathSettings, Stage},
+    path::{PathSettings, Stage},
+    plan::Planning,
     rng::{Sampler, halves},
     sampling::{Frame, cosine_hemisphere, uniform_sphere},
+    stats::Observer,
     surface::Surface,
     view::View,
 };
@@ -102,8 +104,6 @@ impl Observer for Recorder {
         let origin = offset_origin(surface.point, normal, surface.reach);
         self.ao.push(Ray::new(origin, direction).with_range(0.0, self.ao_length));
     }
-
-    fn continuation(&mut self) {}
 }
 
 /// Records the rays of path tracing `scene` from its first camera.
@@ -137,6 +137,7 @@ pub fn record_rays<I: Intersector + ?Sized>(
         clamp: None,
         light_sampling: true,
         seed: settings.seed,
+        planning: Planning::Scene,
     };
     let stage = Stage::new(scene, intersector, &tracing);
     let depth = settings.depth as usize;

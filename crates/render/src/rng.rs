@@ -58,6 +58,11 @@ impl Sampler {
         words
     }
 
+    /// Leaves out as many draws.
+    pub(crate) const fn skip(&mut self, draws: u32) {
+        self.dimension = self.dimension.wrapping_add(draws);
+    }
+
     /// The next number in [0, 1).
     pub(crate) fn next_1d(&mut self) -> f32 {
         unit(self.draw()[0])

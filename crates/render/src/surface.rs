@@ -61,6 +61,11 @@ fn texel(scene: &Scene, texture: Option<usize>, uv: Vec2) -> glam::Vec4 {
     texture.and_then(|t| scene.textures.get(t)).map_or(glam::Vec4::ONE, |t| t.sample(uv))
 }
 
+/// NaN becomes 0.
+const fn unit(x: f32) -> f32 {
+    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
+}
+
 impl<'a> Surface<'a> {
     /// The surface at `hit`; `None` for a miss or an id that the scene does not have.
     pub(crate) fn at(scene: &'a Scene, ray: &Ray, hit: &Hit) -> Option<Self> {
@@ -114,7 +119,7 @@ impl<'a> Surface<'a> {
     pub(crate) fn metallic_roughness(&self, scene: &Scene) -> (f32, f32) {
         let t = texel(scene, self.material.metallic_roughness_texture, self.uv);
         let m = self.material;
-        ((m.metallic * t.z).clamp(0.0, 1.0), (m.roughness * t.y).clamp(0.0, 1.0))
+        (unit(m.metallic * t.z), unit(m.roughness * t.y))
     }
 
     /// Radiance that the surface gives off.
@@ -138,10 +143,10 @@ pub(crate) fn emission(scene: &Scene, material: &Material, uv: Vec2) -> Vec3 {
 
 /// Probability that a ray meets a surface of this material at `uv`.
 pub(crate) fn opacity(scene: &Scene, material: &Material, uv: Vec2) -> f32 {
-    let alpha = || material.alpha * texel(scene, material.base_color_texture, uv).w;
+    let alpha = || unit(material.alpha * texel(scene, material.base_color_texture, uv).w);
     match material.alpha_mode {
         AlphaMode::Opaque => 1.0,
         AlphaMode::Mask(cutoff) => f32::from(u8::from(alpha() >= cutoff)),
-        AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+        AlphaMode::Blend => alpha(),
     }
 }

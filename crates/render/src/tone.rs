@@ -66,19 +66,42 @@ impl ToneCurve {
         }
     }
 
+    /// This curve with the exposure that it has on `reference`, so that images shown beside it
+    /// are as bright.
+    #[must_use]
+    pub fn exposed_as(&self, reference: &Image) -> Self {
+        Self { exposure: Exposure::Stops(self.scale(reference).log2()), ..*self }
+    }
+
+    /// What is displayed: exposure and shoulder applied, cut to 0 to 1, values that are not finite
+    /// black; still linear. Saved with the default curve it gives the bytes that this curve gives.
+    #[must_use]
+    pub fn apply(&self, image: &Image) -> Image {
+        let scale = self.scale(image);
+        let cut = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.0 };
+        let shown = |&p: &Vec3| Vec3::from(self.shown(p, scale).to_array().map(cut));
+        let pixels = image.pixels().iter().map(shown).collect();
+        Image::from_pixels(image.width(), image.height(), pixels)
+            .unwrap_or_else(|| Image::black(image.width(), image.height()))
+    }
+
+    /// Exposure and shoulder.
+    fn shown(&self, color: Vec3, scale: f32) -> Vec3 {
+        let color = color * scale;
+        if !self.shoulder {
+            return color;
+        }
+        let l = luminance(color);
+        color * ((1.0 + l / 16.0) / (1.0 + l))
+    }
+
     /// 8-bit sRGB triples, rows from the top.
     #[must_use]
     pub fn encode(&self, image: &Image) -> Vec<u8> {
         let scale = self.scale(image);
-        let shown = |p: &Vec3| {
-            let mut color = *p * scale;
-            if self.shoulder {
-                let l = luminance(color);
-                color *= (1.0 + l / 16.0) / (1.0 + l);
-            }
-            color.to_array().map(|x| quantize(linear_to_srgb(x)))
-        };
-        image.pixels().iter().flat_map(shown).collect()
+        let bytes =
+            |&p: &Vec3| self.shown(p, scale).to_array().map(|x| quantize(linear_to_srgb(x)));
+        image.pixels().iter().flat_map(bytes).collect()
     }
 }
 
@@ -124,6 +147,13 @@ mod tests {
             assert!((tone.scale(&image) * level - 0.18).abs() < 1e-4);
         }
         assert_eq!(ToneCurve::automatic().scale(&Image::black(4, 4)), 1.0);
+        // What is shown beside a reference is as bright, and applying first changes nothing.
+        let reference = Image::from_pixels(1, 1, vec![Vec3::splat(5.0)]).unwrap();
+        let other = Image::from_pixels(1, 1, vec![Vec3::new(1.0, 4.0, f32::NAN)]).unwrap();
+        let tone = ToneCurve::automatic().exposed_as(&reference);
+        assert!((tone.scale(&other) * 5.0 - 0.18).abs() < 1e-6);
+        let other = Image::from_pixels(1, 1, vec![Vec3::new(1.0, 4.0, 70.0)]).unwrap();
+        assert_eq!(ToneCurve::default().encode(&tone.apply(&other)), tone.encode(&other));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Brute, Parts, camera, lambert};
+use common::{Parts, brute, camera, lambert};
 use niwaki_core::{
     Aabb, Intersector, Ray,
     glam::{Vec2, Vec3},
@@ -28,7 +28,7 @@ fn room() -> Scene {
 
 fn record(scene: &Scene, max_rays: usize) -> niwaki_render::RaySets {
     let settings = RecordSettings { max_rays, seed: 3, depth: 3, ..RecordSettings::default() };
-    record_rays(scene, &Brute(&scene.mesh), &settings)
+    record_rays(scene, &brute(&scene.mesh), &settings)
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn camera_rays_pass_through_their_pixels_over_the_whole_image() {
 }
 
 fn hit_prim(scene: &Scene, ray: &Ray) -> u32 {
-    let hit = Brute(&scene.mesh).closest_hit(ray);
+    let hit = brute(&scene.mesh).closest_hit(ray);
     assert!(hit.is_hit(), "the room is closed");
     hit.prim_id
 }
@@ -92,7 +92,7 @@ fn shadow_rays_end_at_the_lamp_without_touching_it() {
     let scene = room();
     let sets = record(&scene, 1500);
     let rays = sets.get("shadow").unwrap();
-    let brute = Brute(&scene.mesh);
+    let brute = brute(&scene.mesh);
     let mut occluded = 0;
     for ray in rays {
         let end = ray.at(ray.t_max);
@@ -133,7 +133,7 @@ fn occlusion_and_bounce_rays_leave_surfaces() {
     let scene = room();
     let sets = record(&scene, 800);
     let diagonal = scene.mesh.bounds().extent().length();
-    let brute = Brute(&scene.mesh);
+    let brute = brute(&scene.mesh);
     for name in ["ao", "bounce1", "bounce2", "bounce3"] {
         let rays = sets.get(name).unwrap();
         for ray in rays {

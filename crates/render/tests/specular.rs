@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Brute, Parts, camera, lambert, render, settings};
+use common::{Parts, brute, camera, lambert, render, settings};
 use niwaki_core::{
     Hit, Intersector, Ray,
     glam::{Vec2, Vec3},
@@ -186,9 +186,9 @@ fn broken_input_neither_panics_nor_spreads() {
         emission: Vec3::splat(f32::INFINITY),
         ..Material::default()
     };
-    let image = tracer.render(&scene, &Brute(&scene.mesh));
+    let image = tracer.render(&scene, &brute(&scene.mesh));
     assert!(image.pixels().iter().all(|p| p.is_finite()));
     scene.cameras.clear();
-    assert_eq!(tracer.render(&scene, &Brute(&scene.mesh)), Image::black(4, 4));
-    assert!(tracer.render(&scene, &Brute(&scene.mesh)).save_png("", &Default::default()).is_err());
+    assert_eq!(tracer.render(&scene, &brute(&scene.mesh)), Image::black(4, 4));
+    assert!(tracer.render(&scene, &brute(&scene.mesh)).save_png("", &Default::default()).is_err());
 }

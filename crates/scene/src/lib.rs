@@ -18,6 +18,7 @@
 //! | [`path`](mod@path) | camera paths |
 //! | [`material`], [`texture`] | surfaces |
 //! | [`light`] | cameras, punctual lights, the environment |
+//! | [`facts`] | what a scene contains, for renderers that leave out what nothing calls for |
 //! | [`error`] | why a file could not be loaded |
 //!
 //! There are no feature flags.
@@ -29,6 +30,7 @@ struct Readme;
 pub mod animation;
 mod automatic;
 pub mod error;
+pub mod facts;
 pub mod generate;
 pub mod instanced;
 pub mod light;
@@ -42,6 +44,7 @@ pub mod texture;
 pub use animation::{Animation, Hop, Motion, ObjectPose, Rigid, Wave};
 pub use automatic::{AutomaticView, automatic_camera, automatic_path};
 pub use error::LoadError;
+pub use facts::{LightFacts, MaterialClass, MaterialFacts, SceneFacts};
 pub use instanced::{FlattenError, Instance, InstancedScene, Part};
 pub use light::{Camera, Environment, Light, LightKind};
 pub use load::{LoadOptions, load, load_instanced};

@@ -108,6 +108,12 @@ impl Material {
         Self { emission: radiance, ..Self::matte(name, Vec3::splat(0.1)) }
     }
 
+    /// The index of refraction as one can calculate with it: 1 to 10, 1.5 if it is no number.
+    #[must_use]
+    pub const fn index_of_refraction(&self) -> f32 {
+        if self.ior.is_finite() { self.ior.clamp(1.0, 10.0) } else { 1.5 }
+    }
+
     /// True if it gives off light.
     #[must_use]
     pub fn is_emissive(&self) -> bool {

@@ -136,9 +136,11 @@ impl Texture {
         };
         let (x, fx) = place(uv.x, self.width);
         let (y, fy) = place(uv.y, self.height);
-        let top = self.texel(x, y).lerp(self.texel(x + 1, y), fx);
-        let bottom = self.texel(x, y + 1).lerp(self.texel(x + 1, y + 1), fx);
-        top.lerp(bottom, fy)
+        // In this form the mean of equal values is that value, so that an opaque texture is opaque.
+        let lerp = |a: Vec4, b: Vec4, t: f32| a + (b - a) * t;
+        let top = lerp(self.texel(x, y), self.texel(x + 1, y), fx);
+        let bottom = lerp(self.texel(x, y + 1), self.texel(x + 1, y + 1), fx);
+        lerp(top, bottom, fy)
     }
 }
 

@@ -1,12 +1,14 @@
 //! Next-event estimation: the light that a surface receives straight from the lights.
 
-use super::{MAX_CUTOUTS, Observer, Stage, leave, narrow};
+use super::{Stage, narrow};
 use crate::{
     bsdf::{Bsdf, cosine_density},
     lights::sample_punctual,
-    offset::{CLEARANCE, offset_origin},
+    offset::offset_origin,
+    query::{leave, shadow_ray},
     rng::Sampler,
     sampling::{Frame, cosine_hemisphere, power_heuristic},
+    stats::Observer,
     surface::Surface,
 };
 use glam::Vec3;
@@ -32,15 +34,22 @@ impl<I: Intersector + ?Sized> Stage<'_, I> {
         sampler: &mut Sampler,
         observer: &mut impl Observer,
     ) -> Vec3 {
+        // What is left out skips its random numbers, so that the others do not depend on it.
         let mut light = Vec3::ZERO;
-        if self.punctual {
+        if self.runs.punctual {
             light += self.direct_punctual(vertex, sampler, observer);
+        } else {
+            sampler.skip(1);
         }
-        if !self.area_lights.is_empty() {
+        if self.runs.area {
             light += self.direct_area(vertex, sampler, observer);
+        } else {
+            sampler.skip(2);
         }
-        if self.environment {
+        if self.runs.environment {
             light += self.direct_environment(vertex, sampler, observer);
+        } else {
+            sampler.skip(1);
         }
         light
     }
@@ -60,22 +69,11 @@ impl<I: Intersector + ?Sized> Stage<'_, I> {
         };
         let wi = frame.to_local(direction);
         let (f, _) = bsdf.eval(wo, wi);
-        if f == Vec3::ZERO {
+        if f == Vec3::ZERO && !self.runs.everything {
             return Vec3::ZERO;
         }
-        let Some(origin) = leave(surface, direction, wi.z > 0.0) else { return Vec3::ZERO };
-        // Aim anew from the offset origin, and end short of the light by the error of `t`, so that
-        // a light that lies on a surface shines.
-        let ray = if distance.is_finite() {
-            let target = surface.point + direction.as_dvec3() * f64::from(distance);
-            let span = (target - origin.as_dvec3()).as_vec3();
-            let length = span.length();
-            if !(length > 0.0 && span.dot(direction) > 0.0) {
-                return Vec3::ZERO;
-            }
-            Ray::new(origin, span / length).with_range(0.0, length * (1.0 - CLEARANCE))
-        } else {
-            Ray::new(origin, direction)
+        let Some(ray) = shadow_ray(surface, direction, distance, wi.z > 0.0) else {
+            return Vec3::ZERO;
         };
         f * irradiance * self.visibility(ray, observer)
     }
@@ -98,7 +96,8 @@ impl<I: Intersector + ?Sized> Stage<'_, I> {
         let wi = frame.to_local(unit.as_vec3());
         let (f, pdf_bsdf) = bsdf.eval(wo, wi);
         let pdf = light.pdf_area * distance_squared / cosine;
-        if f == Vec3::ZERO || light.radiance == Vec3::ZERO || !(pdf > 0.0 && pdf.is_finite()) {
+        let dark = f == Vec3::ZERO || light.radiance == Vec3::ZERO;
+        if dark && !self.runs.everything || !(pdf > 0.0 && pdf.is_finite()) {
             return Vec3::ZERO;
         }
         let pdf = narrow(pdf);
@@ -140,7 +139,8 @@ impl<I: Intersector + ?Sized> Stage<'_, I> {
         let pdf = cosine_density(wi.z);
         let direction = frame.to_world(wi);
         let arriving = self.scene.environment.radiance(direction);
-        if f == Vec3::ZERO || arriving == Vec3::ZERO || pdf <= 0.0 {
+        let dark = f == Vec3::ZERO || arriving == Vec3::ZERO;
+        if dark && !self.runs.everything || pdf <= 0.0 {
             return Vec3::ZERO;
         }
         let Some(origin) = leave(surface, direction, true) else { return Vec3::ZERO };
@@ -150,23 +150,8 @@ impl<I: Intersector + ?Sized> Stage<'_, I> {
     }
 
     /// The share of light that nothing in the ray's range holds back.
-    fn visibility(&self, mut ray: Ray, observer: &mut impl Observer) -> f32 {
+    fn visibility(&self, ray: Ray, observer: &mut impl Observer) -> f32 {
         observer.shadow(&ray);
-        if !self.cut_out {
-            return if self.intersector.any_hit(&ray) { 0.0 } else { 1.0 };
-        }
-        let mut visible = 1.0;
-        for _ in 0..MAX_CUTOUTS {
-            let hit = self.intersector.closest_hit(&ray);
-            let Some(surface) = Surface::at(self.scene, &ray, &hit) else { return visible };
-            visible *= 1.0 - surface.opacity(self.scene);
-            if visible <= 0.0 {
-                return 0.0;
-            }
-            observer.continuation();
-            let origin = offset_origin(surface.point, -surface.geometric_normal, surface.reach);
-            ray = Ray::new(origin, ray.direction).with_range(0.0, ray.t_max - hit.t);
-        }
-        0.0
+        self.query.visibility(ray, observer)
     }
 }

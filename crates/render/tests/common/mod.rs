@@ -1,23 +1,24 @@
 //! Small scenes and a brute-force tracer for the tests.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+use niwaki_build_binned::Binned;
 use niwaki_core::{
-    Hit, Intersector, Ray, Triangle, TriangleMesh,
+    Builder, Triangle, TriangleMesh,
     glam::{Vec2, Vec3},
 };
 use niwaki_render::{Image, PathSettings, PathTracer, RenderStats};
 use niwaki_scene::{Camera, Environment, Material, Scene};
+use niwaki_trace::{BruteForce, Mode, WideScene};
 
 /// Answers rays by testing every triangle.
-pub(crate) struct Brute<'a>(pub(crate) &'a TriangleMesh);
+pub(crate) fn brute(mesh: &TriangleMesh) -> BruteForce<'_> {
+    BruteForce::new(Mode::Watertight, mesh)
+}
 
-impl Intersector for Brute<'_> {
-    fn closest_hit(&self, ray: &Ray) -> Hit {
-        niwaki_trace::brute_force(self.0, ray)
-    }
-    fn any_hit(&self, ray: &Ray) -> bool {
-        niwaki_trace::brute_force_any(self.0, ray)
-    }
+/// Answers rays through a tree, for tests that trace many.
+pub(crate) fn tree(mesh: &TriangleMesh) -> WideScene {
+    let bvh = Binned::default().build(&mesh.prim_refs()).unwrap();
+    WideScene::new(&bvh, mesh).unwrap()
 }
 
 /// Geometry with one material a part.
@@ -141,7 +142,7 @@ pub(crate) fn camera(position: Vec3, target: Vec3, fov: f32) -> Camera {
 /// Renders by brute force and asserts that no path was dropped.
 pub(crate) fn render(scene: &Scene, settings: &PathSettings) -> (Image, RenderStats) {
     let tracer = PathTracer::new(settings.clone());
-    let (image, stats) = tracer.render_with(scene, &Brute(&scene.mesh), |_, _| {});
+    let (image, stats) = tracer.render_with(scene, &brute(&scene.mesh), |_, _| {});
     assert_eq!(stats.dropped_paths, 0, "a path was not finite");
     (image, stats)
 }

@@ -1,0 +1,104 @@
+//! The linear BVH, built on the GPU: the tree of `niwaki-build-lbvh`, bit for bit.
+//!
+//! Stages, each a kernel of `niwaki-shaders` (folder `lbvh`): bounds of primitives and centroids;
+//! Morton codes of 30 or 63 bits (Lauterbach et al. 2009, section 3.1); a radix sort, 8 bits a pass,
+//! by reduce-then-scan (Merrill and Grimshaw 2011); all inner nodes at once (Karras 2012, section 3);
+//! boxes from the leaves up (section 4 there), with leaves merged by the surface area heuristic; and
+//! places of nodes by prefix sums. Sizes of all stages are computed on the device, so that the number
+//! of primitives may come from another kernel.
+
+mod config;
+mod kernels;
+mod times;
+mod workspace;
+
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod twin;
+
+pub use config::{LbvhConfig, LbvhError};
+pub use times::LbvhTimes;
+pub use workspace::LbvhWorkspace;
+
+use crate::{Device, GpuError};
+use kernels::Kernels;
+use niwaki_core::{Bvh, PrimRef, TriangleMesh};
+use std::sync::Arc;
+
+/// Builds linear BVHs on a device.
+///
+/// ```
+/// use niwaki_core::{TriangleMesh, glam::Vec3};
+/// use niwaki_trace_vulkan::{Device, GpuLbvh, LbvhConfig};
+///
+/// let mesh = TriangleMesh::new(
+///     vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE],
+///     vec![[0, 1, 2], [1, 2, 3]],
+/// )?;
+/// let Ok(device) = Device::new() else { return Ok(()) }; // no Vulkan here
+/// let builder = GpuLbvh::new(&device)?;
+/// let bvh = builder.build_mesh(&mesh, &LbvhConfig::default())?;
+/// assert_eq!(bvh.prim_ids.len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// For a tree that stays on the device, and is built again every frame, see [`GpuLbvh::workspace`].
+#[derive(Clone, Debug)]
+pub struct GpuLbvh {
+    device: Device,
+    kernels: Arc<Kernels>,
+}
+
+impl GpuLbvh {
+    /// Compiles the kernels.
+    ///
+    /// # Errors
+    /// As [`Device::kernel`].
+    pub fn new(device: &Device) -> Result<Self, GpuError> {
+        Ok(Self { device: device.clone(), kernels: Arc::new(Kernels::new(device)?) })
+    }
+
+    /// Memory for trees of up to `capacity` primitives, built with the same settings again and again:
+    /// about 133 bytes a primitive, of which 100 are primitives and tree.
+    ///
+    /// # Errors
+    /// [`LbvhError::Build`] for settings out of range and more primitives than a tree can hold,
+    /// [`LbvhError::Gpu`] with [`GpuError::TooLarge`] for more than fit a binding of the device.
+    pub fn workspace(
+        &self,
+        capacity: usize,
+        config: &LbvhConfig,
+    ) -> Result<LbvhWorkspace, LbvhError> {
+        LbvhWorkspace::new(&self.device, self.kernels.clone(), capacity, config)
+    }
+
+    /// Builds a tree on the device and reads it back.
+    ///
+    /// # Errors
+    /// [`LbvhError::Build`] as the CPU builder, naming the first bad primitive; [`LbvhError::Gpu`] as
+    /// [`GpuLbvh::workspace`].
+    pub fn build(&self, prims: &[PrimRef], config: &LbvhConfig) -> Result<Bvh, LbvhError> {
+        let workspace = self.workspace(prims.len(), config)?;
+        workspace.upload(prims)?;
+        workspace.build()?;
+        workspace.download()
+    }
+
+    /// Builds a tree over a mesh on the device and reads it back. The references to its triangles are
+    /// computed there too.
+    ///
+    /// # Errors
+    /// As [`GpuLbvh::build`].
+    pub fn build_mesh(&self, mesh: &TriangleMesh, config: &LbvhConfig) -> Result<Bvh, LbvhError> {
+        let workspace = self.workspace(mesh.len(), config)?;
+        let positions = self.device.upload(mesh.positions())?;
+        let indices = self.device.upload(mesh.indices())?;
+        workspace.set_count(mesh.len())?;
+        let mut batch = self.device.batch()?;
+        workspace.record_triangles(&mut batch, &positions, &indices)?;
+        workspace.record(&mut batch)?;
+        batch.submit()?;
+        workspace.download()
+    }
+}

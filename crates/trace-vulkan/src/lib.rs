@@ -1,0 +1,38 @@
+//! Ray tracing on the GPU through Vulkan.
+//!
+//! ```
+//! use niwaki_trace_vulkan::{Device, GpuError};
+//!
+//! match Device::new() {
+//!     Ok(device) => println!("{}: {:?}", device.name(), device.info().kind),
+//!     Err(GpuError::NoLoader(_) | GpuError::NoDevice(_)) => println!("no Vulkan here"),
+//!     Err(other) => return Err(other),
+//! }
+//! # Ok::<(), GpuError>(())
+//! ```
+
+mod batch;
+mod buffer;
+mod device;
+mod error;
+mod kernel;
+mod lbvh;
+mod layout;
+mod memory;
+mod scene;
+mod timing;
+mod tracer;
+
+pub use batch::Batch;
+pub use buffer::Buffer;
+pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions};
+pub use error::GpuError;
+pub use kernel::Kernel;
+pub use lbvh::{GpuLbvh, LbvhConfig, LbvhError, LbvhTimes, LbvhWorkspace};
+pub use scene::{DeviceTree, GpuScene, TreeLayout};
+pub use timing::Timings;
+pub use tracer::{Query, Schedule, Trace, Tracer};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
