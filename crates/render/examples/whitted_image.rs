@@ -16,8 +16,7 @@ use niwaki_render::{
     metrics::{FlipSettings, flip, psnr, ssim},
 };
 use niwaki_scene::{
-    Camera, Dropped, Environment, Light, LightKind, LoadOptions, Material, Scene, SceneFacts,
-    generate,
+    Camera, Environment, Light, LightKind, LoadOptions, Material, Scene, SceneFacts, generate,
 };
 use niwaki_trace::WideScene;
 use std::{error::Error, f32::consts::PI, path::PathBuf, time::Instant};
@@ -78,10 +77,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn spheres() -> Result<Scene, Box<dyn Error>> {
     let mut scene = Scene {
         name: "spheres".into(),
-        mesh: TriangleMesh::from_triangles(&[])?,
-        normals: vec![],
-        uvs: vec![],
-        material_ids: vec![],
         materials: vec![
             Material::matte("light", Vec3::splat(0.7)),
             Material { roughness: 0.1, ..Material::matte("dark", Vec3::new(0.15, 0.05, 0.05)) },
@@ -90,7 +85,6 @@ fn spheres() -> Result<Scene, Box<dyn Error>> {
             Material::metal("gold", Vec3::new(1.0, 0.78, 0.34), 0.35),
             Material { roughness: 0.05, ..Material::matte("plastic", Vec3::new(0.1, 0.3, 0.6)) },
         ],
-        textures: vec![],
         cameras: vec![Camera::look_at(Vec3::new(-3.0, 2.6, 6.0), Vec3::Y * 0.7, Vec3::Y, 0.7)],
         lights: vec![
             Light {
@@ -107,7 +101,7 @@ fn spheres() -> Result<Scene, Box<dyn Error>> {
             },
         ],
         environment: Environment::DAYLIGHT,
-        dropped: Dropped::default(),
+        ..Scene::default()
     };
     let (mut positions, mut indices) = (vec![], vec![]);
     for z in -8_i32..8 {

@@ -5,8 +5,8 @@ use niwaki_core::{
     glam::{Vec2, Vec3},
 };
 use niwaki_scene::{
-    AlphaMode, Camera, Dropped, Environment, Light, LightKind, Material, MaterialClass,
-    MaterialFacts, Scene, SceneFacts, Texture,
+    AlphaMode, Camera, Environment, Light, LightKind, Material, MaterialClass, MaterialFacts,
+    Scene, SceneFacts, Texture,
 };
 
 /// One triangle a material, side by side along x.
@@ -23,14 +23,11 @@ fn scene(materials: Vec<Material>) -> Scene {
         name: "facts".into(),
         uvs: vec![Vec2::ZERO; positions.len()],
         mesh: TriangleMesh::new(positions, indices).unwrap(),
-        normals: vec![],
         material_ids: ids.collect(),
         materials,
-        textures: vec![],
         cameras: vec![Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0)],
-        lights: vec![],
         environment: Environment::DARK,
-        dropped: Dropped::default(),
+        ..Scene::default()
     }
 }
 

@@ -72,11 +72,11 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         patch
     });
     let mut budget = Budget::new(triangles.saturating_sub(2), boards as f64);
-    for k in 0..boards {
-        // From the middle outward, so that few boards stand where the camera looks.
-        const ORDER: [[i8; 2]; 9] =
-            [[0, 0], [-1, 0], [0, 1], [1, 0], [0, -1], [-1, 1], [1, 1], [1, -1], [-1, -1]];
-        let [i, j] = ORDER[k].map(f64::from);
+    // From the middle outward, so that few boards stand where the camera looks.
+    const ORDER: [[i8; 2]; 9] =
+        [[0, 0], [-1, 0], [0, 1], [1, 0], [0, -1], [-1, 1], [1, 1], [1, -1], [-1, -1]];
+    for (k, place) in ORDER.iter().take(boards).enumerate() {
+        let [i, j] = place.map(f64::from);
         let share = budget.share(1.0);
         let mut random = Random::new(seed, 50 + k as u64);
         let center = DVec3::new(i * PITCH, TOP, j * PITCH);

@@ -136,8 +136,8 @@ fn arcade(plan: &mut Plan, share: usize) -> usize {
 /// Cloths that wave in the wind on poles of steel behind the tables.
 fn banners(plan: &mut Plan, share: usize, seed: u64) -> usize {
     let mut budget = Budget::new(share, 2.0);
-    for (k, x) in [-3.2, 4.4].into_iter().enumerate() {
-        let foot = DVec3::new(x, 0.0, -4.2);
+    for (k, x) in [-3.2_f32, 4.4].into_iter().enumerate() {
+        let foot = DVec3::new(x.into(), 0.0, -4.2);
         let pole = cells(budget.share(0.3), 1.0, [5, 2]);
         plan.end_object();
         budget.spend(plan.grid(STEEL, pole, Wrap::U, move |u, v| {
@@ -149,7 +149,7 @@ fn banners(plan: &mut Plan, share: usize, seed: u64) -> usize {
             frequency: 1.1,
             phase: 0.43 * k as f32,
             hold: Vec3::new(1.0 / 1.9, 0.0, 0.0),
-            hold_offset: (-(foot.x + 0.04) / 1.9) as f32,
+            hold_offset: -(x + 0.04) / 1.9,
         };
         plan.object("banner", Motion { rigid: Rigid::Rest, wave: Some(wave) });
         let cloth = cells(budget.share(0.7), 1.6, [3, 2]);
@@ -190,11 +190,9 @@ fn tables(plan: &mut Plan, share: usize, seed: u64) -> usize {
     // A fully laid table has about 25 pieces.
     let count = (share / (26 * 600)).clamp(1, 5);
     let mut budget = Budget::new(share, count as f64);
-    for k in 0..count {
+    const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [3.4, -1.2], [-1.4, -3.6], [3.0, 3.2], [-4.6, -1.0]];
+    for (k, [x, z]) in PLACES.into_iter().take(count).enumerate() {
         let mut random = Random::new(seed, 200 + k as u64);
-        const PLACES: [[f64; 2]; 5] =
-            [[0.0, 0.0], [3.4, -1.2], [-1.4, -3.6], [3.0, 3.2], [-4.6, -1.0]];
-        let [x, z] = PLACES[k];
         let middle = DVec3::new(x, 0.0, z);
         let mut laid = setting(&mut random);
         // Half the triangles for the cloth where there are few.
@@ -241,7 +239,8 @@ fn tables(plan: &mut Plan, share: usize, seed: u64) -> usize {
 /// A top on four legs: boxes.
 fn table(middle: DVec3) -> Patch {
     let mut patch = Patch::default();
-    let top = DVec3::new(HALF[0], 0.02, HALF[1]);
+    // Within the bend of the cloth.
+    let top = DVec3::new(HALF[0] - 0.04, 0.02, HALF[1] - 0.04);
     patch.cuboid(middle + DVec3::Y * (TABLE - 0.0201), top, DMat3::IDENTITY);
     for (x, z) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
         let foot = DVec3::new(x * (HALF[0] - 0.08), 0.36, z * (HALF[1] - 0.08));

@@ -12,13 +12,13 @@ use niwaki_core::to_u32;
 
 /// Where the statues stand, and how large they are.
 const SERPENT: DVec3 = DVec3::new(2.2, 0.0, 0.3);
-const SERPENT_SCALE: f64 = 1.35;
+const SERPENT_SCALE: f64 = 1.85;
 const BUNNY: DVec3 = DVec3::new(-5.6, 0.0, 1.3);
 const BUNNY_SCALE: f64 = 1.5;
 
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let camera =
-        Camera::look_at(Vec3::new(-11.4, 2.3, -1.6), Vec3::new(2.0, 2.5, 0.9), Vec3::Y, 1.0);
+        Camera::look_at(Vec3::new(-10.2, 2.1, -1.7), Vec3::new(1.0, 2.6, 0.9), Vec3::Y, 1.0);
     let mut plan = atrium::begin(camera);
     let stone = to_u32(plan.materials.len());
     plan.materials.extend([
@@ -90,14 +90,14 @@ fn path() -> CameraPath {
     };
     CameraPath::new(
         vec![
-            key(-11.4, 2.3, -1.6, 2.0, 2.5, 0.9),
-            key(-9.6, 2.0, -1.6, -1.0, 2.2, 1.0),
-            key(-8.0, 1.9, -1.7, -4.0, 1.9, 1.2),
+            key(-10.2, 2.1, -1.7, 1.0, 2.6, 0.9),
+            key(-9.0, 2.0, -1.7, -1.0, 2.4, 1.0),
+            key(-7.6, 1.9, -1.8, -3.0, 2.1, 1.2),
             key(-6.0, 1.9, -2.2, -3.0, 2.0, 1.4),
             key(-4.0, 2.0, -3.0, 1.0, 2.4, 0.8),
-            key(-1.5, 2.2, -3.6, 2.4, 2.7, 0.3),
-            key(1.5, 2.3, -3.7, 2.2, 2.8, 0.3),
-            key(4.6, 2.3, -3.4, 1.6, 2.7, 0.3),
+            key(-1.5, 2.2, -3.6, 2.4, 3.2, 0.3),
+            key(1.5, 2.3, -3.7, 2.2, 3.4, 0.3),
+            key(4.6, 2.3, -3.4, 1.6, 3.2, 0.3),
             key(7.0, 2.3, -1.8, 0.5, 2.6, 0.3),
             key(8.2, 2.4, 0.4, -1.0, 2.6, 0.4),
             key(7.4, 2.5, 2.6, -1.0, 2.6, 0.2),

@@ -171,6 +171,10 @@ impl Figure {
                 capped_len([nu, nv]) + CROSS
             }
             _ => {
+                if self != Self::Pawn {
+                    // What is carved has edges; rounded off, reflections there would lead inside.
+                    plan.crease = Some(EDGES);
+                }
                 let size = caps(share, 0.75, LEAST);
                 let profile = self.profile();
                 plan.piece(material, move || {
