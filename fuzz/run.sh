@@ -11,7 +11,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-targets=(obj gltf tree_file forged_tree builders kernels batches)
+targets=(obj gltf tree_file forged_tree ray_file builders kernels batches)
 [ "$#" -ge 1 ] || { sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 wanted=$1
 shift

@@ -2,6 +2,7 @@
 
 use crate::bench::Shard;
 use crate::kernel::Collapse;
+use crate::render::RenderArgs;
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
 use crate::trace::TraceArgs;
@@ -26,6 +27,8 @@ pub(crate) enum Command {
     Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
+    /// Draw pictures of a scene: path traced, or by mirrors, glass and hard shadows alone.
+    Render(Box<RenderArgs>),
     /// Regenerate the thesis's tables of builders beside the published values.
     Thesis(Box<ThesisArgs>),
     /// Answer rays from a file: what each hits first, through a chosen tree and kernel.
@@ -94,12 +97,12 @@ pub(crate) struct BenchArgs {
                           "bounce4", "all"])]
     pub(crate) rays: Vec<String>,
 
-    /// Our traversal kernels, comma-separated: scalar, avx2, avx512, or watertight for the best that
-    /// this processor has [default: watertight]
+    /// Our traversal kernels, comma-separated: scalar, sse42_4, avx2, avx512, or watertight for the best
+    /// that this processor has [default: watertight]
     ///
     /// Behind the instructions may stand, in this order:
     ///
-    /// - the children of a node: _4 (scalar_4, avx2_4) or _16 (scalar_16, avx512_16); 8 without;
+    /// - the children of a node: _4 (scalar_4, sse42_4, avx2_4) or _16 (scalar_16, avx512_16); 8 without;
     ///
     /// - _quantised for nodes of half the size (avx512_quantised; quantised for the best);
     ///
@@ -117,6 +120,11 @@ pub(crate) struct BenchArgs {
     /// Measure Embree's robust mode besides its default one
     #[arg(long)]
     pub(crate) robust: bool,
+
+    /// More of the configuration of Embree's device, such as max_isa=avx2 or max_isa=sse4.2; the
+    /// instructions that it then says it uses stand beside its version in the report
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    pub(crate) embree_config: String,
 
     /// Rays per set, at most [default: 200000, with --quick 50000]
     #[arg(long, value_name = "NUMBER", value_parser = parse_count)]

@@ -34,15 +34,29 @@ impl TraceKernel {
         Self { kernel, mode, width: USUAL_WIDTH, quantised: false, batch: false }
     }
 
-    /// All that this processor can run over 8-wide trees, one ray at a time; by mode, slowest
-    /// first. Quantised nodes differ in the test of boxes alone, so one kernel of theirs will do.
+    /// All that this processor can run over 8-wide trees, one ray at a time, the one over quantised
+    /// nodes, as these differ in the test of boxes alone, and the best at its own width; by mode.
     pub(crate) fn available() -> Vec<Self> {
-        let of = |mode| {
-            let full =
-                WideScene::<8>::kernels().into_iter().map(move |kernel| Self::new(kernel, mode));
-            full.chain([Self { quantised: true, ..Self::best_in(mode) }])
-        };
-        Mode::ALL.into_iter().flat_map(of).collect()
+        let mut kernels: Vec<Self> = Vec::new();
+        for mode in Mode::ALL {
+            let full = WideScene::<8>::kernels().into_iter().map(|kernel| Self::new(kernel, mode));
+            for kernel in full.chain([Self::quantised_in(mode), Self::best_in(mode)]) {
+                if !kernels.contains(&kernel) {
+                    kernels.push(kernel);
+                }
+            }
+        }
+        kernels
+    }
+
+    /// SIMD kernels over trees of 4 and 16 children a node that [`TraceKernel::available`] leaves
+    /// out; the scalar one is the same code for all.
+    pub(crate) fn of_other_widths() -> Vec<Self> {
+        let known = Self::available();
+        Self::all()
+            .filter(|kernel| kernel.kernel.is_available() && kernel.kernel != Kernel::Scalar)
+            .filter(|kernel| !kernel.quantised && !known.contains(kernel))
+            .collect()
     }
 
     /// The fastest of each width and kind of nodes in each mode, one ray at a time.
@@ -59,10 +73,17 @@ impl TraceKernel {
         best
     }
 
-    /// The fastest over 8-wide trees in a mode.
+    /// The fastest in a mode, over trees of the width that suits it: what
+    /// [`niwaki_trace::AutoScene`] takes.
     pub(crate) fn best_in(mode: Mode) -> Self {
-        let fastest = WideScene::<8>::kernels().pop();
-        Self::new(fastest.unwrap_or(Kernel::Scalar), mode)
+        let kernel = Kernel::best();
+        Self { width: kernel.best_width(), ..Self::new(kernel, mode) }
+    }
+
+    /// The fastest over quantised nodes, of which 8 are the usual number.
+    fn quantised_in(mode: Mode) -> Self {
+        let kernel = QuantisedScene::<8>::kernels().pop().unwrap_or(Kernel::Scalar);
+        Self { quantised: true, ..Self::new(kernel, mode) }
     }
 
     /// The fastest in the default mode.
@@ -76,7 +97,7 @@ impl TraceKernel {
     }
 
     /// `avx512` over 8-wide trees in the default mode, which is the watertight one, one ray at a
-    /// time; `avx2_4`, `avx512_quantised`, `avx512_fast`, `avx512_batch` and so on otherwise.
+    /// time; `avx512_16`, `avx512_quantised`, `avx512_fast`, `avx512_batch` and so on otherwise.
     pub(crate) fn name(self) -> String {
         let mut name = self.kernel.name().to_owned();
         if self.width != USUAL_WIDTH {
@@ -109,7 +130,7 @@ impl TraceKernel {
                 name.strip_suffix("_batch").map_or((name.as_str(), false), |stem| (stem, true));
             let kernel = match Mode::ALL.into_iter().find(|mode| mode.name() == stem) {
                 Some(mode) => Self { batch, ..Self::best_in(mode) },
-                None if stem == QUANTISED => Self { batch, quantised: true, ..Self::best() },
+                None if stem == QUANTISED => Self { batch, ..Self::quantised_in(Mode::default()) },
                 None => Self { batch, ..Self::named(stem)? },
             };
             if !kernels.contains(&kernel) {
@@ -134,6 +155,19 @@ impl TraceKernel {
                 })
             })
         })
+    }
+
+    /// The kernels by the layout that they share.
+    pub(crate) fn by_layout(kernels: &[Self]) -> Vec<Vec<Self>> {
+        let mut layouts: Vec<Vec<Self>> = Vec::new();
+        for &kernel in kernels {
+            let same = |layout: &&mut Vec<Self>| layout[0].layout() == kernel.layout();
+            match layouts.iter_mut().find(same) {
+                Some(layout) => layout.push(kernel),
+                None => layouts.push(vec![kernel]),
+            }
+        }
+        layouts
     }
 
     fn named(name: &str) -> Result<Self> {
@@ -242,6 +276,11 @@ impl WideTree {
         })
     }
 
+    /// What answers rays.
+    pub(crate) fn intersector(&self) -> &dyn Intersector {
+        of_any_width!(self, scene => scene)
+    }
+
     /// Bytes of nodes and triangles.
     pub(crate) fn bytes(&self) -> usize {
         of_any_width!(self, scene => scene.bytes())
@@ -303,16 +342,29 @@ mod tests {
 
     #[test]
     fn names_select() {
-        let best = Kernel::best().name();
-        assert_eq!(names(&[]), [best]);
+        let best = TraceKernel::best().name();
+        assert_eq!(names(&[]), [best.as_str()]);
+        let scene = niwaki_trace::AutoScene::new(&Bvh::default(), &TriangleMesh::default());
+        let scene = scene.unwrap();
+        assert_eq!((scene.kernel(), scene.width(), scene.mode()), {
+            let TraceKernel { kernel, width, mode, .. } = TraceKernel::best();
+            (kernel, width, mode)
+        });
         assert_eq!(names(&["scalar_fast", "scalar", "scalar"]), ["scalar_fast", "scalar"]);
-        assert_eq!(names(&["watertight", "fast"]), [best.to_owned(), format!("{best}_fast")]);
+        assert_eq!(names(&["watertight", "fast"]), [best.clone(), format!("{best}_fast")]);
         assert_eq!(names(&["fast_batch"]), [format!("{best}_fast_batch")]);
-        assert_eq!(names(&["quantised"]), [format!("{best}_quantised")]);
+        let eight = WideScene::<8>::kernels().pop().unwrap();
+        assert_eq!(names(&["quantised"]), [format!("{eight}_quantised")]);
         let all =
             ["scalar_16_fast", "scalar_4", "scalar_4_batch", "scalar_16_quantised_fast_batch"];
         assert_eq!(names(&all), all);
-        assert_eq!(TraceKernel::available().len(), 2 * (Kernel::available().len() + 1));
+        // The best is over 8-wide trees or is one more.
+        let available = TraceKernel::available();
+        let eight = WideScene::<8>::kernels().len();
+        let wider = usize::from(Kernel::best().best_width() != USUAL_WIDTH);
+        assert_eq!(available.len(), 2 * (eight + 1 + wider));
+        assert!(available.contains(&TraceKernel::best()));
+        assert!(TraceKernel::of_other_widths().iter().all(|kernel| !available.contains(kernel)));
         for bad in ["avx", "scalar_8", "avx2_16", "scalar_batch_fast", "batch"] {
             let error = TraceKernel::select(&[bad.into()]).unwrap_err().to_string();
             assert!(error.contains(bad.trim_end_matches("_batch")), "{error}");

@@ -8,6 +8,7 @@ mod kernel;
 mod machine;
 mod memory;
 mod registry;
+mod render;
 mod report;
 mod results;
 mod scenes;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         cli::Command::Bench(args) => bench::run(&args),
         cli::Command::Accuracy(args) => accuracy::run(&args),
         cli::Command::Report(args) => report::run(&args),
+        cli::Command::Render(args) => render::run(&args),
         cli::Command::Stability(args) => stability::run(&args),
         cli::Command::StabilityWorker(options) => stability::run_worker(&options),
         cli::Command::Thesis(args) => thesis::run(&args),

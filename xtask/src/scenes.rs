@@ -53,8 +53,8 @@ impl SceneSpec {
         }
         if !path.is_file() {
             bail!(
-                "`{text}` is neither a file nor a procedural scene; procedural are {}",
-                generate::NAMES.join(", ")
+                "`{text}` is neither a file nor a procedural scene; procedural are{}",
+                procedural_help()
             );
         }
         Ok(Self::file(path.to_owned()))
@@ -64,9 +64,9 @@ impl SceneSpec {
         Self { name: stem(&path), origin: Origin::File(path) }
     }
 
-    /// All procedural scenes.
+    /// The procedural scenes for comparing builders and kernels.
     pub(crate) fn procedural(triangles: usize) -> Vec<Self> {
-        Self::generated(generate::NAMES, triangles)
+        Self::generated(generate::SHAPES, triangles)
     }
 
     /// Some of them.
@@ -167,6 +167,13 @@ impl SceneSpec {
             Origin::Generated { .. } => None,
         })
     }
+}
+
+/// The procedural scenes, a line each.
+fn procedural_help() -> String {
+    let line =
+        |name: &&str| format!("\n  {name:<10} {}", generate::describe(name).unwrap_or_default());
+    generate::NAMES.iter().map(line).collect()
 }
 
 /// Keeps the first of scenes that were asked for more than once.

@@ -79,6 +79,11 @@ fn forged_tree() {
 }
 
 #[test]
+fn ray_file() {
+    replay(fuzz::RAY_FILE, 20_000);
+}
+
+#[test]
 fn builders() {
     replay(fuzz::BUILDERS, 300);
 }

@@ -1,7 +1,7 @@
 //! The device: its choice, its limits and its faults, and short ways to make what passes are made
 //! of.
 
-use crate::HybridError;
+use crate::{HybridError, pipelines::Pipelines, tree::TreeKernels};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Environment variable that picks a device by number or by a part of its name.
@@ -19,6 +19,20 @@ pub struct Gpu {
     name: String,
     timestamps: bool,
     fault: Arc<Mutex<Option<HybridError>>>,
+    compiled: Arc<Mutex<Compiled>>,
+}
+
+/// Kernels that are compiled once a device, however many renderers use it.
+#[derive(Default)]
+struct Compiled {
+    pipelines: Option<Arc<Pipelines>>,
+    tree: Option<Arc<TreeKernels>>,
+}
+
+impl std::fmt::Debug for Compiled {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Compiled").finish_non_exhaustive()
+    }
 }
 
 impl Gpu {
@@ -79,7 +93,7 @@ impl Gpu {
             // A device that is dropped is "lost" too, but then nobody asks.
             note(&seen, HybridError::DeviceLost(format!("{reason:?} {message}")));
         });
-        Ok(Self { device, queue, limits, name, timestamps, fault })
+        Ok(Self { device, queue, limits, name, timestamps, fault, compiled: Arc::default() })
     }
 
     /// The device's name.
@@ -97,7 +111,30 @@ impl Gpu {
     /// Gives the device up, as if it had been removed: what uses it returns
     /// [`HybridError::DeviceLost`] from then on.
     pub fn destroy(&self) {
+        note(&self.fault, HybridError::DeviceLost("it was given up".into()));
         self.device.destroy();
+    }
+
+    /// The pipelines of views and rays.
+    pub(crate) fn pipelines(&self) -> Result<Arc<Pipelines>, HybridError> {
+        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipelines) = &compiled.pipelines {
+            return Ok(Arc::clone(pipelines));
+        }
+        let pipelines = Arc::new(Pipelines::new(self)?);
+        compiled.pipelines = Some(Arc::clone(&pipelines));
+        Ok(pipelines)
+    }
+
+    /// The kernels that build trees.
+    pub(crate) fn tree_kernels(&self) -> Result<Arc<TreeKernels>, HybridError> {
+        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernels) = &compiled.tree {
+            return Ok(Arc::clone(kernels));
+        }
+        let kernels = Arc::new(TreeKernels::new(self)?);
+        compiled.tree = Some(Arc::clone(&kernels));
+        Ok(kernels)
     }
 
     /// The first fault since the device was opened. A lost device stays lost; other faults are
@@ -122,14 +159,15 @@ impl Gpu {
         polled.map(|_| ()).map_err(|e| HybridError::DeviceLost(e.to_string()))
     }
 
-    /// A buffer of at least `size` bytes (and at least 16, as empty ones cannot be bound).
+    /// A buffer of at least `size` bytes, and at least one element of whatever it holds, as kernels
+    /// cannot bind less.
     pub(crate) fn buffer(
         &self,
         label: &str,
         size: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, HybridError> {
-        let size = size.max(16).next_multiple_of(16);
+        let size = size.max(256).next_multiple_of(16);
         let mut limit = self.limits.max_buffer_size;
         if usage.contains(wgpu::BufferUsages::STORAGE) {
             limit = limit.min(self.limits.max_storage_buffer_binding_size);

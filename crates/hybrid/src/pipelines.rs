@@ -3,7 +3,11 @@
 use crate::{
     Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, SampleRule, Settings, gpu::Slot,
 };
-use std::collections::HashMap;
+use std::{
+    collections::HashMap,
+    hash::Hash,
+    sync::{Mutex, PoisonError},
+};
 
 /// Formats of a G-buffer: the surface, and in the primary view the triangle.
 pub(crate) const SURFACE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
@@ -22,6 +26,7 @@ pub(crate) enum Target {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Variant {
     pub(crate) alpha: bool,
+    pub(crate) textures: bool,
     pub(crate) trace_shadows: bool,
     pub(crate) map_shadows: bool,
     pub(crate) holds_all: bool,
@@ -35,10 +40,11 @@ pub(crate) struct Variant {
 }
 
 impl Variant {
-    pub(crate) fn new(plan: &EffectPlan, settings: &Settings) -> Self {
+    pub(crate) fn new(plan: &EffectPlan, settings: &Settings, textures: bool) -> Self {
         let faces = crate::Face::ALL.iter().any(|f| plan.uses(Effect::CubeFace(*f)));
         Self {
             alpha: plan.uses(Effect::Alpha),
+            textures,
             trace_shadows: plan.uses(Effect::ShadowRays),
             map_shadows: plan.uses(Effect::ShadowMaps),
             holds_all: plan.region_holds_all,
@@ -62,6 +68,7 @@ impl Variant {
         let flag = |b: bool| f64::from(u8::from(b));
         vec![
             ("ALPHA", flag(self.alpha)),
+            ("TEXTURES", flag(self.textures)),
             ("TRACE_SHADOWS", flag(self.trace_shadows)),
             ("MAP_SHADOWS", flag(self.map_shadows)),
             ("HOLDS_ALL", flag(self.holds_all)),
@@ -70,7 +77,7 @@ impl Variant {
     }
 }
 
-/// All modules and the pipelines that were needed so far.
+/// All modules and the pipelines that were needed so far, for all renderers on a device.
 pub(crate) struct Pipelines {
     raster: wgpu::ShaderModule,
     primary: wgpu::ShaderModule,
@@ -81,11 +88,30 @@ pub(crate) struct Pipelines {
     pub(crate) kernel_layout: wgpu::BindGroupLayout,
     pub(crate) deform_layout: wgpu::BindGroupLayout,
     pub(crate) size_layout: wgpu::BindGroupLayout,
-    rasters: HashMap<(Target, bool), wgpu::RenderPipeline>,
-    primaries: HashMap<Variant, wgpu::ComputePipeline>,
-    traces: HashMap<Variant, wgpu::ComputePipeline>,
-    deformer: Option<wgpu::ComputePipeline>,
-    sizer: Option<wgpu::ComputePipeline>,
+    rasters: Made<(Target, [bool; 2]), wgpu::RenderPipeline>,
+    primaries: Made<Variant, wgpu::ComputePipeline>,
+    traces: Made<Variant, wgpu::ComputePipeline>,
+    movers: Made<(), wgpu::ComputePipeline>,
+    sizers: Made<(), wgpu::ComputePipeline>,
+}
+
+/// What was made so far, by what it is made for.
+struct Made<K, V>(Mutex<HashMap<K, V>>);
+
+impl<K: Copy + Eq + Hash, V: Clone> Made<K, V> {
+    fn new() -> Self {
+        Self(Mutex::new(HashMap::new()))
+    }
+
+    fn get(&self, key: K, make: impl FnOnce() -> Result<V, HybridError>) -> Result<V, HybridError> {
+        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(value) = made.get(&key) {
+            return Ok(value.clone());
+        }
+        let value = make()?;
+        made.insert(key, value.clone());
+        Ok(value)
+    }
 }
 
 fn module(gpu: &Gpu, name: &str) -> Result<wgpu::ShaderModule, HybridError> {
@@ -122,25 +148,35 @@ impl Pipelines {
             ),
             deform_layout: gpu.layout("deform", &[Slot::Read, Slot::Read, Slot::Write]),
             size_layout: gpu.layout("size", &[Slot::Read, Slot::Write]),
-            rasters: HashMap::new(),
-            primaries: HashMap::new(),
-            traces: HashMap::new(),
-            deformer: None,
-            sizer: None,
+            rasters: Made::new(),
+            primaries: Made::new(),
+            traces: Made::new(),
+            movers: Made::new(),
+            sizers: Made::new(),
         })
     }
 
-    /// The pipeline that draws to a target, with or without tests of alpha.
+    /// The pipeline that draws to a target.
     pub(crate) fn raster(
-        &mut self,
+        &self,
+        gpu: &Gpu,
+        scene: &wgpu::BindGroupLayout,
+        target: Target,
+        variant: Variant,
+    ) -> Result<wgpu::RenderPipeline, HybridError> {
+        let Variant { alpha, textures, .. } = variant;
+        let key = (target, [alpha, textures]);
+        self.rasters.get(key, || self.make_raster(gpu, scene, target, alpha, textures))
+    }
+
+    fn make_raster(
+        &self,
         gpu: &Gpu,
         scene: &wgpu::BindGroupLayout,
         target: Target,
         alpha: bool,
+        textures: bool,
     ) -> Result<wgpu::RenderPipeline, HybridError> {
-        if let Some(pipeline) = self.rasters.get(&(target, alpha)) {
-            return Ok(pipeline.clone());
-        }
         let layout = gpu.pipeline_layout(&[scene, &self.view_layout]);
         let color = |format| {
             Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL })
@@ -156,7 +192,8 @@ impl Pipelines {
                 (alpha.then_some("shadow_main"), vec![], wgpu::CompareFunction::Greater)
             }
         };
-        let constants = [("ALPHA", f64::from(u8::from(alpha)))];
+        let flag = |b: bool| f64::from(u8::from(b));
+        let constants = [("ALPHA", flag(alpha)), ("TEXTURES", flag(textures))];
         let options = wgpu::PipelineCompilationOptions {
             constants: &constants,
             ..wgpu::PipelineCompilationOptions::default()
@@ -204,13 +241,12 @@ impl Pipelines {
             cache: None,
         });
         gpu.check()?;
-        self.rasters.insert((target, alpha), pipeline.clone());
         Ok(pipeline)
     }
 
     /// The kernel that shades the primary view.
     pub(crate) fn primary(
-        &mut self,
+        &self,
         gpu: &Gpu,
         scene: &wgpu::BindGroupLayout,
         variant: Variant,
@@ -224,27 +260,20 @@ impl Pipelines {
             go_on: false,
             ..variant
         };
-        if let Some(pipeline) = self.primaries.get(&variant) {
-            return Ok(pipeline.clone());
-        }
         let mut constants = variant.primary();
         constants.push(("FOLLOW", f64::from(u8::from(variant.follow))));
         let layouts = [scene, &self.kernel_layout];
-        let pipeline = gpu.compute(&self.primary, "primary", &layouts, &constants)?;
-        self.primaries.insert(variant, pipeline.clone());
-        Ok(pipeline)
+        let make = || gpu.compute(&self.primary, "primary", &layouts, &constants);
+        self.primaries.get(variant, make)
     }
 
     /// The kernel that follows rays.
     pub(crate) fn trace(
-        &mut self,
+        &self,
         gpu: &Gpu,
         scene: &wgpu::BindGroupLayout,
         variant: Variant,
     ) -> Result<wgpu::ComputePipeline, HybridError> {
-        if let Some(pipeline) = self.traces.get(&variant) {
-            return Ok(pipeline.clone());
-        }
         let mut constants = variant.primary();
         let flag = |b: bool| f64::from(u8::from(b));
         constants.extend([
@@ -255,26 +284,16 @@ impl Pipelines {
             ("GO_ON", flag(variant.go_on)),
         ]);
         let layouts = [scene, &self.kernel_layout];
-        let pipeline = gpu.compute(&self.trace, "trace", &layouts, &constants)?;
-        self.traces.insert(variant, pipeline.clone());
-        Ok(pipeline)
+        self.traces.get(variant, || gpu.compute(&self.trace, "trace", &layouts, &constants))
     }
 
     /// The kernel that moves vertices.
-    pub(crate) fn deformer(&mut self, gpu: &Gpu) -> Result<wgpu::ComputePipeline, HybridError> {
-        let made = match self.deformer.take() {
-            Some(made) => made,
-            None => gpu.compute(&self.deform, "deform", &[&self.deform_layout], &[])?,
-        };
-        Ok(self.deformer.insert(made).clone())
+    pub(crate) fn deformer(&self, gpu: &Gpu) -> Result<wgpu::ComputePipeline, HybridError> {
+        self.movers.get((), || gpu.compute(&self.deform, "deform", &[&self.deform_layout], &[]))
     }
 
     /// The kernel that sizes the following of rays.
-    pub(crate) fn sizer(&mut self, gpu: &Gpu) -> Result<wgpu::ComputePipeline, HybridError> {
-        let made = match self.sizer.take() {
-            Some(made) => made,
-            None => gpu.compute(&self.size, "size", &[&self.size_layout], &[])?,
-        };
-        Ok(self.sizer.insert(made).clone())
+    pub(crate) fn sizer(&self, gpu: &Gpu) -> Result<wgpu::ComputePipeline, HybridError> {
+        self.sizers.get((), || gpu.compute(&self.size, "size", &[&self.size_layout], &[]))
     }
 }

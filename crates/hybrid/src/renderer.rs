@@ -41,7 +41,7 @@ pub struct HybridRenderer {
     scene: Arc<Scene>,
     settings: Settings,
     uploaded: GpuScene,
-    pipelines: Pipelines,
+    pipelines: Arc<Pipelines>,
     screen: Option<Screen>,
     cube: CubeMap,
     shadows: Layers,
@@ -86,7 +86,7 @@ impl HybridRenderer {
         Ok(Self {
             gpu: gpu.clone(),
             uploaded: GpuScene::new(gpu, &scene, &settings)?,
-            pipelines: Pipelines::new(gpu)?,
+            pipelines: gpu.pipelines()?,
             screen: None,
             cube: CubeMap::new(gpu, 1)?,
             shadows: shadow_maps(gpu, 1, 1)?,
@@ -207,7 +207,8 @@ impl HybridRenderer {
         self.kept = None;
         let bounds = objects.iter().fold(Aabb::EMPTY, |b, o| b.union(o.bounds));
         let lights = light_views(&self.lights, bounds);
-        let variant = Variant::new(&plan, &self.settings);
+        let textures = self.settings.force_all || self.uploaded.facts.has_textures();
+        let variant = Variant::new(&plan, &self.settings, textures);
         Ok(Scenery { plan, objects, poses, lights, camera: *camera, size, variant })
     }
 

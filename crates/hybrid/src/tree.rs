@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use niwaki_core::{BvhNode, SahConstants, to_u32};
 use niwaki_shaders::BindingKind;
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 use wgpu::BufferUsages;
 
 /// A box that no ray meets: the root of a tree without triangles.
@@ -112,11 +112,27 @@ impl Kernel {
 }
 
 /// All kernels, compiled.
-struct Kernels {
+pub(crate) struct TreeKernels {
     cull: Kernel,
     before: Vec<Kernel>,
     sort: Vec<Kernel>,
     after: Vec<Kernel>,
+}
+
+impl TreeKernels {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, HybridError> {
+        let all = |list: &[(&str, &str, Size)]| -> Result<Vec<Kernel>, HybridError> {
+            list.iter()
+                .map(|(module, entry, size)| Kernel::new(gpu, module, entry, *size))
+                .collect()
+        };
+        Ok(Self {
+            cull: Kernel::new(gpu, "hybrid/cull", "cull", Size::One)?,
+            before: all(&BEFORE)?,
+            sort: all(&SORT)?,
+            after: all(&AFTER)?,
+        })
+    }
 }
 
 /// Settings of a pass: `LbvhParams` in `lbvh/state.wgsl`.
@@ -207,7 +223,7 @@ impl Workspace {
 pub(crate) struct NearTree {
     pub(crate) nodes: wgpu::Buffer,
     pub(crate) triangles: wgpu::Buffer,
-    kernels: Option<Kernels>,
+    kernels: Option<Arc<TreeKernels>>,
     workspace: Option<Workspace>,
     /// Triangles in the tree.
     pub(crate) count: u32,
@@ -257,17 +273,7 @@ impl NearTree {
             self.workspace = Some(workspace);
         }
         if self.kernels.is_none() {
-            let all = |list: &[(&str, &str, Size)]| -> Result<Vec<Kernel>, HybridError> {
-                list.iter()
-                    .map(|(module, entry, size)| Kernel::new(gpu, module, entry, *size))
-                    .collect()
-            };
-            self.kernels = Some(Kernels {
-                cull: Kernel::new(gpu, "hybrid/cull", "cull", Size::One)?,
-                before: all(&BEFORE)?,
-                sort: all(&SORT)?,
-                after: all(&AFTER)?,
-            });
+            self.kernels = Some(gpu.tree_kernels()?);
         }
         // What rays find if there is nothing to build.
         gpu.queue.write_buffer(&self.nodes, 0, bytemuck::bytes_of(&NOTHING));

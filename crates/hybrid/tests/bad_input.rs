@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Parts, eye, gpu, parlour_scene, small, sun};
+use common::{Parts, eye, gpu, open, parlour_scene, small, sun};
 use niwaki_core::glam::Vec3;
 use niwaki_hybrid::{Gpu, HybridError, HybridRenderer, NearRegion, Settings};
 use niwaki_scene::{Camera, Environment, Material, Scene};
@@ -122,8 +122,8 @@ fn meshes_without_normals_and_coordinates_are_shaded_flat() {
 
 #[test]
 fn a_device_that_is_given_up_is_reported_as_lost() {
-    let Some(gpu) = gpu() else { return };
-    let mut renderer = renderer(&gpu, parlour_scene());
+    let Some(gpu) = open() else { return };
+    let mut renderer = renderer(&gpu, Scene::default());
     renderer.render(&eye(), 16, 9, 0.0).unwrap();
     gpu.destroy();
     let error = renderer.render(&eye(), 16, 9, 0.0).unwrap_err();

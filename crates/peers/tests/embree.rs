@@ -244,6 +244,32 @@ fn device_configuration_reaches_embree() {
     }
 }
 
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn the_configuration_shows_in_the_vector_width() {
+    for embree in embrees() {
+        let width = |config: &str| {
+            let settings = EmbreeSettings {
+                library: Some(embree.library().into()),
+                threads: 1,
+                config: config.to_owned(),
+            };
+            Embree::with_settings(&settings).unwrap().vector_width()
+        };
+        // Distributions may compile Embree without packets or without the wider instructions.
+        let Some(most) = width("") else {
+            eprintln!("Embree {} was compiled without ray packets", embree.version());
+            continue;
+        };
+        if embree.version().major == 4 && is_x86_feature_detected!("avx512vl") {
+            assert_eq!(most, 16, "{}", embree.version());
+        }
+        for (config, limit) in [("max_isa=avx2", 8), ("max_isa=avx", 8), ("max_isa=sse4.2", 4)] {
+            assert_eq!(width(config), Some(limit.min(most)), "{config} of {}", embree.version());
+        }
+    }
+}
+
 /// What [`EmbreeScene`] documents as different from this workspace's kernels.
 #[test]
 fn limits_are_as_documented() {

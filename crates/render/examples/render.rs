@@ -1,10 +1,12 @@
 //! Renders a scene to PNG and EXR.
 //!
 //! ```text
-//! cargo run --release -p niwaki-render --example render -- [SCENE] [OUTPUT] [SAMPLES] [WIDTH]
+//! cargo run --release -p niwaki-render --example render -- [SCENE] [OUTPUT] [SAMPLES] [WIDTH] [FRAME]
 //! ```
 //!
-//! `SCENE` is a file or the name of a generator; by default a small garden of spheres made here,
+//! `SCENE` is a file, or the name of a generator, perhaps with a number of triangles as in
+//! `chess:100000`; `FRAME` (from 0, 30 a second) moves the camera along the scene's path, and what
+//! moves in the scene with it. By default: a small garden of spheres made here,
 //! written to `out/render.png`.
 
 use niwaki_build_binned::Binned;
@@ -14,7 +16,7 @@ use niwaki_core::{
 };
 use niwaki_render::{PathSettings, PathTracer, ToneCurve};
 use niwaki_scene::{Camera, Environment, LoadOptions, Material, Scene, generate};
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use std::{error::Error, path::PathBuf, time::Instant};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -23,17 +25,26 @@ fn main() -> Result<(), Box<dyn Error>> {
     let output = PathBuf::from(args.next().unwrap_or_else(|| "out/render.png".into()));
     let samples = args.next().map_or(Ok(16), |s| s.parse())?;
     let width: u32 = args.next().map_or(Ok(320), |s| s.parse())?;
-    let scene = match name.as_deref() {
+    let frame: Option<u32> = args.next().map(|s| s.parse()).transpose()?;
+    let mut scene = match name.as_deref() {
         None => spheres()?,
-        Some(name) => match generate::generate(name, 300_000, 1) {
-            Some(scene) => scene,
-            None => niwaki_scene::load(name.as_ref(), &LoadOptions::default())?,
-        },
+        Some(name) => {
+            let (plain, triangles) = name.split_once(':').unwrap_or((name, "300000"));
+            match triangles.parse().ok().and_then(|n| generate::generate(plain, n, 1)) {
+                Some(scene) => scene,
+                None => niwaki_scene::load(name.as_ref(), &LoadOptions::default())?,
+            }
+        }
     };
+    if let Some(frame) = frame {
+        let camera = scene.camera_path().frame(frame);
+        scene = scene.frozen(f64::from(frame) / 30.0)?;
+        scene.cameras[0] = camera;
+    }
     println!("{}: {} triangles, {} lights", scene.name, scene.mesh.len(), scene.lights.len());
     println!("{:?}\n{:?}\n{}", scene.cameras[0], scene.environment, scene.dropped);
     let bvh = Binned::default().build(&scene.mesh.prim_refs())?;
-    let tracer = WideScene::new(&bvh, &scene.mesh)?;
+    let tracer = AutoScene::new(&bvh, &scene.mesh)?;
     let settings =
         PathSettings { width, height: width * 9 / 16, samples, ..PathSettings::default() };
     let start = Instant::now();

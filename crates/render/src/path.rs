@@ -20,7 +20,7 @@ use crate::{
 use direct::Vertex;
 use glam::{DVec3, Vec3};
 use niwaki_core::{Intersector, Ray, glam};
-use niwaki_scene::{Scene, SceneFacts};
+use niwaki_scene::{Camera, Scene, SceneFacts};
 use rayon::prelude::*;
 
 /// What to render and how exactly.
@@ -108,10 +108,23 @@ impl PathTracer {
         intersector: &I,
         progress: impl Fn(usize, usize) + Sync,
     ) -> (Image, RenderStats) {
-        let PathSettings { width, height, samples, seed, .. } = self.settings;
         let Some(camera) = scene.cameras.first() else {
-            return (Image::black(width, height), RenderStats::default());
+            let black = Image::black(self.settings.width, self.settings.height);
+            return (black, RenderStats::default());
         };
+        self.render_from(camera, scene, intersector, progress)
+    }
+
+    /// As [`PathTracer::render_with`], from another camera than the scene's first.
+    #[must_use]
+    pub fn render_from<I: Intersector + ?Sized>(
+        &self,
+        camera: &Camera,
+        scene: &Scene,
+        intersector: &I,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> (Image, RenderStats) {
+        let PathSettings { width, height, samples, seed, .. } = self.settings;
         let view = View::new(camera, width, height);
         let stage = Stage::new(scene, intersector, &self.settings);
         render_tiles(width, height, progress, |x, y, stats| {

@@ -13,10 +13,11 @@
 //! | interface between dielectrics | wₜ = (1 − m) τ | F(x, η from the viewer's side to beyond), Fresnel's equations |
 //! | diffuse base under a dielectric coat | w_d = (1 − m)(1 − τ) | F(x, η), and c below it |
 //!
-//! and each metal and coat between a *mirror* of share s and a *highlight* of share 1 − s:
-//! s = clamp(2 − 2ρ/r, 0, 1), and for coats of materials that are not
-//! [polished](niwaki_scene::MaterialFacts::polished) throughout s = 0, called s' below. Then the
-//! radiance towards the viewer is
+//! and metal and coat between a *mirror* of share s, s' and a *highlight* of the rest. With
+//! p = clamp(2 − 2ρ/r, 0, 1) ([`mirror_share`]), metals have s = p · clamp(4m − 2, 0, 1)
+//! ([`metal_mirror_share`]), so that noise in a texture of metallic calls for no rays, and coats
+//! have s' = p if the material is [polished](niwaki_scene::MaterialFacts::polished) throughout,
+//! else 0. Then the radiance towards the viewer is
 //!
 //! L = e + L_a + Σ_l f(l) E_l V_l + K_r L(reflected) + K_t L(refracted)
 //!
@@ -69,9 +70,10 @@ pub struct PointMaterial {
     pub ior: f32,
     /// [`mean_fresnel`] of `ior`; the same for all points of a material.
     pub mean_fresnel: f32,
-    /// Mirror share s of a metal here: [`mirror_share`].
+    /// Mirror share s of a metal here: [`metal_mirror_share`].
     pub mirror: f32,
-    /// Mirror share s' of a coat here: `mirror`, or 0 if the material is not polished throughout.
+    /// Mirror share s' of a coat here: [`mirror_share`], or 0 if the material is not polished
+    /// throughout.
     pub coat_mirror: f32,
     /// Seen from outside.
     pub front: bool,
@@ -92,11 +94,17 @@ impl PointMaterial {
     }
 }
 
-/// s: 1 up to half of the limit of roughness, 0 from the limit on, linear between. A limit of 0
+/// p: 1 up to half of the limit of roughness, 0 from the limit on, linear between. A limit of 0
 /// leaves perfect mirrors.
 #[must_use]
 pub fn mirror_share(roughness: f32, limit: f32) -> f32 {
     (2.0 - 2.0 * roughness / limit.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0)
+}
+
+/// s: [`mirror_share`], but none up to a metallic of 1/2, and all of it only from 3/4 on.
+#[must_use]
+pub fn metal_mirror_share(roughness: f32, metallic: f32, limit: f32) -> f32 {
+    mirror_share(roughness, limit) * (4.0 * metallic - 2.0).clamp(0.0, 1.0)
 }
 
 /// F̄: the share of uniform light that a smooth dielectric of index `ior` (at least 1) reflects on
@@ -244,7 +252,6 @@ mod tests {
     use super::*;
 
     fn material(metallic: f32, transmission: f32, roughness: f32) -> PointMaterial {
-        let mirror = mirror_share(roughness, 0.3);
         PointMaterial {
             base: Vec3::new(0.9, 0.5, 0.2),
             metallic,
@@ -252,8 +259,8 @@ mod tests {
             transmission,
             ior: 1.5,
             mean_fresnel: mean_fresnel(1.5),
-            mirror,
-            coat_mirror: mirror,
+            mirror: metal_mirror_share(roughness, metallic, 0.3),
+            coat_mirror: mirror_share(roughness, 0.3),
             front: true,
         }
     }

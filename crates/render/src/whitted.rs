@@ -2,7 +2,7 @@
 //! shadows, and nothing is left to chance (Whitted 1980, "An Improved Illumination Model for
 //! Shaded Display"; the reference of thesis paper III, section 3.4).
 //!
-//! What a surface sends to the viewer is the model of [`shading`](crate::shading).
+//! What a surface sends to the viewer is the model of [`shading`].
 
 use crate::{
     fresnel::{reflect, refract},
@@ -18,7 +18,7 @@ use crate::{
 };
 use glam::{DVec3, Vec2, Vec3};
 use niwaki_core::{Intersector, Ray, glam};
-use niwaki_scene::{Scene, SceneFacts};
+use niwaki_scene::{Camera, Scene, SceneFacts};
 
 /// Where ambient radiance comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,10 +155,23 @@ impl Whitted {
         intersector: &I,
         progress: impl Fn(usize, usize) + Sync,
     ) -> (Image, RenderStats) {
-        let WhittedSettings { width, height, grid, .. } = self.settings;
         let Some(camera) = scene.cameras.first() else {
-            return (Image::black(width, height), RenderStats::default());
+            let black = Image::black(self.settings.width, self.settings.height);
+            return (black, RenderStats::default());
         };
+        self.render_from(camera, scene, intersector, progress)
+    }
+
+    /// As [`Whitted::render_with`], from another camera than the scene's first.
+    #[must_use]
+    pub fn render_from<I: Intersector + ?Sized>(
+        &self,
+        camera: &Camera,
+        scene: &Scene,
+        intersector: &I,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> (Image, RenderStats) {
+        let WhittedSettings { width, height, grid, .. } = self.settings;
         let view = View::new(camera, width, height);
         let stage = Stage::new(scene, intersector, &self.settings);
         let step = (grid.max(1) as f32).recip();
@@ -225,6 +238,13 @@ struct Task {
     depth: u32,
     /// Surfaces that it passed by their alpha.
     passed: Passed,
+}
+
+/// A point that is shaded.
+struct Lit<'a> {
+    surface: Surface<'a>,
+    material: PointMaterial,
+    to_viewer: Vec3,
 }
 
 /// A scene made ready.
@@ -319,21 +339,16 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
                 }
                 weight *= opacity;
             }
-            let material = surface.material;
-            if self.runs.absorption && !surface.front && material.transmission > 0.0 {
+            let inside = !surface.front && surface.material.transmission > 0.0;
+            if self.runs.absorption && inside {
                 // Beer and Lambert: the segment that ends on the inside ran through it.
-                weight *= (-material.absorption.max(Vec3::ZERO) * passed.distance).exp();
+                weight *= (-surface.material.absorption.max(Vec3::ZERO) * passed.distance).exp();
             }
-            add(weight, self.shade(&surface, task.ray.direction, stats));
+            let hit =
+                Lit { material: self.material(&surface), surface, to_viewer: -task.ray.direction };
+            add(weight, self.shade(&hit, stats));
             if task.depth < self.settings.max_depth {
-                self.spawn(
-                    &surface,
-                    task.ray.direction,
-                    weight,
-                    task.depth + 1,
-                    &mut waiting,
-                    stats,
-                );
+                self.spawn(&hit, weight, task.depth + 1, &mut waiting, stats);
             }
         }
         radiance
@@ -351,7 +366,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         let (metallic, roughness) = surface.metallic_roughness(self.scene);
         let (polished, mean_fresnel) =
             self.coats.get(surface.material_id).copied().unwrap_or_default();
-        let mirror = shading::mirror_share(roughness, self.settings.mirror_roughness);
+        let limit = self.settings.mirror_roughness;
         let transmission = surface.material.transmission;
         PointMaterial {
             base: surface.base_color(self.scene),
@@ -360,23 +375,23 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             transmission: if transmission.is_nan() { 0.0 } else { transmission.clamp(0.0, 1.0) },
             ior: surface.material.index_of_refraction(),
             mean_fresnel,
-            mirror,
-            coat_mirror: if polished { mirror } else { 0.0 },
+            mirror: shading::metal_mirror_share(roughness, metallic, limit),
+            coat_mirror: if polished { shading::mirror_share(roughness, limit) } else { 0.0 },
             front: surface.front,
         }
     }
 
     /// What a surface sends back along a ray, reflected and refracted rays aside.
-    fn shade(&self, surface: &Surface<'_>, direction: Vec3, stats: &mut RenderStats) -> Vec3 {
-        let material = self.material(surface);
-        let (normal, to_viewer) = (surface.normal, -direction);
+    fn shade(&self, hit: &Lit<'_>, stats: &mut RenderStats) -> Vec3 {
+        let Lit { surface, material, to_viewer } = hit;
+        let (normal, to_viewer) = (surface.normal, *to_viewer);
         let mut light = Vec3::ZERO;
         if self.runs.emission {
             light += surface.emission(self.scene);
         }
         if self.runs.ambient {
             let cosine = normal.dot(to_viewer).clamp(0.0, 1.0);
-            light += self.ambient.at(normal) * shading::ambient(&material, cosine);
+            light += self.ambient.at(normal) * shading::ambient(material, cosine);
         }
         if self.runs.punctual {
             let point = surface.point.as_vec3();
@@ -384,8 +399,8 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
                 let Some((to_light, distance, irradiance)) = lamp.illuminate(point) else {
                     continue;
                 };
-                let f = shading::direct(&material, normal, to_viewer, to_light);
-                if f == Vec3::ZERO && !self.runs.everything {
+                let sent = shading::direct(material, normal, to_viewer, to_light) * irradiance;
+                if sent == Vec3::ZERO && !self.runs.everything {
                     continue;
                 }
                 let reflected = normal.dot(to_light) > 0.0;
@@ -394,8 +409,8 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
                 };
                 stats.shadow(&ray);
                 let visible = self.query.visibility(ray, stats);
-                if f != Vec3::ZERO && visible > 0.0 {
-                    light += f * irradiance * visible;
+                if visible > 0.0 {
+                    light += sent * visible;
                 }
             }
         }
@@ -405,8 +420,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
     /// Lets the reflected and the refracted ray wait, the reflected one in front.
     fn spawn(
         &self,
-        surface: &Surface<'_>,
-        direction: Vec3,
+        hit: &Lit<'_>,
         weight: Vec3,
         depth: u32,
         waiting: &mut Vec<Task>,
@@ -415,9 +429,9 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         if !self.runs.reflection && !self.runs.refraction {
             return;
         }
-        let material = self.material(surface);
+        let Lit { surface, material, to_viewer } = hit;
         let (normal, geometric) = (surface.normal, surface.geometric_normal);
-        let to_viewer = -direction;
+        let to_viewer = *to_viewer;
         let cosine = normal.dot(to_viewer).clamp(0.0, 1.0);
         let mut go = |direction: Vec3, side: Vec3, weight: Vec3| {
             let origin = offset_origin(surface.point, side, surface.reach);
@@ -425,7 +439,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             waiting.push(Task { ray, weight, depth, passed: Passed::default() });
         };
         if self.runs.refraction {
-            let weight = weight * shading::refracted(&material, cosine);
+            let weight = weight * shading::refracted(material, cosine);
             // Shading normals may bend a ray back to the side that it came from; the true normal
             // then shows where it goes.
             let eta = material.eta();
@@ -438,7 +452,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             }
         }
         if self.runs.reflection {
-            let weight = weight * shading::reflected(&material, cosine);
+            let weight = weight * shading::reflected(material, cosine);
             if self.counts(weight) {
                 let mirrored = reflect(to_viewer, normal);
                 let through = mirrored.dot(geometric) <= 0.0;

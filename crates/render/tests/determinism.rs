@@ -4,7 +4,10 @@ mod common;
 
 use common::{Parts, brute, camera, lambert, settings};
 use niwaki_core::glam::Vec3;
-use niwaki_render::{PathTracer, RecordSettings, random_rays, record_rays};
+use niwaki_render::{
+    AmbientOcclusion, OcclusionSettings, PathTracer, RecordSettings, Whitted, WhittedSettings,
+    random_rays, record_rays,
+};
 use niwaki_scene::{Environment, Material, Scene};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -74,4 +77,28 @@ fn recorded_rays_do_not_depend_on_the_number_of_threads() {
     let random = |threads| with_threads(threads, || random_rays(&bounds, 1000, 5));
     assert_eq!(random(1), random(8));
     assert_ne!(random(1), random_rays(&bounds, 1000, 6));
+}
+
+#[test]
+fn whitted_and_occlusion_do_not_depend_on_the_number_of_threads() {
+    let scene = scene();
+    let whitted = WhittedSettings { width: 37, height: 21, grid: 2, ..WhittedSettings::default() };
+    let occlusion =
+        OcclusionSettings { width: 37, height: 21, ..OcclusionSettings::for_scene(&scene) };
+    let render = |threads| {
+        with_threads(threads, || {
+            let tracer = brute(&scene.mesh);
+            let whitted = Whitted::new(whitted.clone());
+            let occlusion = AmbientOcclusion::new(occlusion.clone());
+            [
+                whitted.render_with(&scene, &tracer, |done, all| assert!(done <= all && all == 6)),
+                occlusion.render_with(&scene, &tracer, |_, _| {}),
+            ]
+        })
+    };
+    let one = render(1);
+    assert!(one.iter().all(|(image, _)| image.mean().min_element() > 0.05));
+    for threads in [2, 8] {
+        assert_eq!(one, render(threads));
+    }
 }

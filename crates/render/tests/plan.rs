@@ -2,13 +2,14 @@
 
 mod common;
 
-use common::{Parts, brute, camera, lambert, settings};
+use common::{Parts, any_material, brute, camera, lambert, settings};
 use niwaki_core::glam::Vec3;
 use niwaki_render::{
     AmbientLight, AmbientOcclusion, Effect, Image, OcclusionSettings, PathSettings, PathTracer,
     Planning, RenderStats, Whitted, WhittedSettings,
 };
 use niwaki_scene::{AlphaMode, Environment, Light, LightKind, Material, Scene, Texture};
+use proptest::prelude::*;
 
 fn bits(image: &Image) -> Vec<[u32; 3]> {
     image.pixels().iter().map(|p| p.to_array().map(f32::to_bits)).collect()
@@ -67,6 +68,8 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     holes.textures.push(Texture::new("holes", 2, 1, pixels, false).unwrap());
     let blend = Material { alpha_mode: AlphaMode::Blend, alpha: 0.5, ..lambert(0.5) };
     let absorbing = Material { absorption: Vec3::X, ..Material::glass("glass", 1.5) };
+    let absorbing_blend =
+        Material { alpha_mode: AlphaMode::Blend, alpha: 0.5, ..absorbing.clone() };
     let mut all = vec![
         ("matte", scene(&lambert(0.5))),
         ("plastic", scene(&Material::default())),
@@ -80,6 +83,8 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("lamp", scene(&Material::emitter("lamp", Vec3::splat(3.0)))),
         ("holes", holes),
         ("blend", scene(&blend)),
+        // Metal leaves no share for transmission, but rays that alpha lets in are absorbed.
+        ("dark metal", scene(&Material { metallic: 1.0, ..absorbing_blend })),
     ];
     for i in 0..all.len() {
         let (name, dark) = all[i].clone();
@@ -107,7 +112,7 @@ fn leaving_out_never_changes_an_image() {
             black += usize::from(planned.mean() == niwaki_core::glam::DVec3::ZERO);
         }
     }
-    assert!(black <= 2 * 12, "black images prove little: {black}");
+    assert!(black <= 2 * 13, "black images prove little: {black}");
 }
 
 #[test]
@@ -177,4 +182,23 @@ fn plans_say_what_runs_and_why() {
     let mirrors = Scene { lights: vec![sun()], ..mirrors };
     assert!(!integrator.plan(&mirrors).runs(Effect::PunctualLight));
     assert_eq!(whitted(&mirrors, Planning::Scene).1.shadow_rays, 0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn no_material_makes_the_path_tracer_depend_on_planning(
+        outer in any_material(),
+        inner in any_material(),
+        lit in any::<bool>(),
+    ) {
+        let mut scene = scene(&outer);
+        scene.materials[0] = inner;
+        scene.environment = Environment::DAYLIGHT;
+        if lit {
+            scene.lights.push(sun());
+        }
+        let (planned, forced) = (path(&scene, Planning::Scene), path(&scene, Planning::Everything));
+        prop_assert_eq!(bits(&planned.0), bits(&forced.0));
+    }
 }

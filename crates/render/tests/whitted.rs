@@ -2,14 +2,16 @@
 
 mod common;
 
-use common::{Parts, brute, camera, lambert, settings, tree};
+use common::{Parts, any_material, brute, camera, lambert, settings, tree};
 use niwaki_core::glam::{Vec2, Vec3};
 use niwaki_render::{
-    AmbientLight, Image, PathSettings, PathTracer, RenderStats, View, Whitted, WhittedSettings,
+    AmbientLight, Image, PathSettings, PathTracer, Planning, RenderStats, View, Whitted,
+    WhittedSettings,
     fresnel::{conductor, dielectric},
     shading::{Ambient, mean_fresnel},
 };
 use niwaki_scene::{AlphaMode, Environment, Light, LightKind, Material, Scene, Texture};
+use proptest::prelude::*;
 use std::f32::consts::PI;
 
 /// A square image, no ambient light, nothing cut off.
@@ -182,6 +184,23 @@ fn shadows_have_sharp_edges_where_geometry_says() {
     scene.lights = vec![lamp(LightKind::Directional, Vec3::ZERO, Vec3::splat(PI))];
     assert!(near(color(&seen_at(&scene, 7.0), 0), Vec3::ONE, 1e-5));
     assert_eq!(color(&seen_at(&scene, 0.49), 0), Vec3::ZERO);
+}
+
+#[test]
+fn another_camera_shows_what_it_would_as_the_scenes_own() {
+    let scene = Parts::new()
+        .cuboid(Vec3::splat(-1.0), Vec3::ONE, &Material::default())
+        .scene(camera(Vec3::Z * 4.0, Vec3::ZERO, 0.8), Environment::DAYLIGHT);
+    let other = camera(Vec3::new(2.0, 3.0, -3.0), Vec3::ZERO, 0.6);
+    let moved = Scene { cameras: vec![other], ..scene.clone() };
+    let whitted = Whitted::new(exact(8, 2));
+    let tracer = tree(&scene.mesh);
+    let from = whitted.render_from(&other, &scene, &tracer, |_, _| {});
+    assert_eq!(from, whitted.render_with(&moved, &tracer, |_, _| {}));
+    assert_ne!(from.0, whitted.render(&scene, &tracer));
+    let path = PathTracer::new(settings(8, 2, 2));
+    let from = path.render_from(&other, &scene, &tracer, |_, _| {});
+    assert_eq!(from, path.render_with(&moved, &tracer, |_, _| {}));
 }
 
 fn seen_at(scene: &Scene, x: f32) -> Scene {
@@ -449,6 +468,11 @@ fn broken_input_neither_panics_nor_spreads() {
     finite(&scene);
     scene.lights.push(lamp(LightKind::Point, Vec3::NAN, Vec3::INFINITY));
     finite(&scene);
+    scene.cameras[0].position = Vec3::NAN;
+    finite(&scene);
+    scene.cameras[0].forward = Vec3::NAN;
+    scene.cameras[0].vertical_fov = f32::NAN;
+    finite(&scene);
     scene.cameras.clear();
     assert_eq!(Whitted::new(exact(4, 5)).render(&scene, &brute(&scene.mesh)), Image::black(4, 4));
     let empty = Parts::new().scene(camera(Vec3::Z, Vec3::ZERO, 1.0), Environment::DAYLIGHT);
@@ -459,4 +483,28 @@ fn broken_input_neither_panics_nor_spreads() {
         assert_eq!(image, Image::black(width, height));
     }
     let _ = PathTracer::new(settings(2, 1, 1)).render(&empty, &brute(&empty.mesh));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn no_material_makes_light_or_depends_on_planning(
+        outer in any_material(),
+        inner in any_material(),
+        limit in 0.0_f32..=1.0,
+    ) {
+        // Two boxes in a uniform surrounding, which ambient light repeats: nothing is brighter.
+        let scene = Parts::new()
+            .cuboid(Vec3::splat(-1.0), Vec3::ONE, &outer)
+            .cuboid(Vec3::splat(-0.5), Vec3::splat(0.6), &inner)
+            .scene(camera(Vec3::new(2.0, 3.0, 4.0), Vec3::ZERO, 0.6), Environment::Constant(Vec3::ONE));
+        let ambient = AmbientLight::Environment(1.0);
+        let planned = WhittedSettings { ambient, mirror_roughness: limit, ..exact(5, 4) };
+        let (image, _) = render(&scene, &planned);
+        for pixel in image.pixels() {
+            prop_assert!(pixel.min_element() >= 0.0 && pixel.max_element() <= 1.001, "{pixel}");
+        }
+        let forced = WhittedSettings { planning: Planning::Everything, ..planned };
+        prop_assert_eq!(image, render(&scene, &forced).0);
+    }
 }

@@ -18,11 +18,12 @@ pub struct MaterialFacts {
     pub bounds: Aabb,
     /// Scatters diffusely: not all metal, not all transmission, not black.
     pub diffuse: bool,
-    /// Shows highlights of lights that are wider than a mirror's: metal or coat that is rougher
-    /// than half the limit.
+    /// Shows highlights of lights that are wider than a mirror's: metal or coat that is no
+    /// perfect mirror.
     pub glossy: bool,
-    /// Calls for reflected rays: metal smoother than the limit, a polished coat, or an interface
-    /// between dielectrics.
+    /// Calls for reflected rays: smoother than the limit and more than half metal, a polished
+    /// coat, or an interface between dielectrics. (Metallic is meant to be 0 or 1, but compressed
+    /// textures are noisy; a trace of metal must not call for rays.)
     pub reflective: bool,
     /// A dielectric whose coat is smoother than the limit everywhere. Where a texture is smooth
     /// in places only, noise in it would call for rays all over a scene that carry a few per cent
@@ -30,7 +31,8 @@ pub struct MaterialFacts {
     pub polished: bool,
     /// Calls for refracted rays.
     pub transmissive: bool,
-    /// Transmits, and its inside absorbs.
+    /// Its inside absorbs: the material has transmission (even where metallic leaves none) and an
+    /// absorption coefficient.
     pub absorbing: bool,
     /// Gives off light.
     pub emissive: bool,
@@ -325,12 +327,12 @@ fn examine(m: &Material, ranges: &[Range], mirror_roughness: f32) -> MaterialFac
         diffuse: dielectric
             && transmission < 1.0
             && (0..3).any(|k| m.base_color[k] > 0.0 && color[k].1 > 0.0),
-        glossy: metallic.1 > 0.0 && roughness.1 > 0.5 * limit
+        glossy: metallic.1 > 0.0 && (roughness.1 > 0.5 * limit || metallic.0 < 0.75)
             || coat && transmission < 1.0 && !(polished && roughness.1 <= 0.5 * limit),
-        reflective: metallic.1 > 0.0 && roughness.0 < limit || polished || transmissive && coat,
+        reflective: metallic.1 > 0.5 && roughness.0 < limit || polished || transmissive && coat,
         polished,
         transmissive,
-        absorbing: transmissive && m.absorption.max_element() > 0.0,
+        absorbing: transmission > 0.0 && m.absorption.max_element() > 0.0,
         emissive: (0..3).any(|k| m.emission[k] > 0.0 && glow[k].1 > 0.0),
         masked: matches!(m.alpha_mode, AlphaMode::Mask(cutoff) if alpha.0 < cutoff),
         blended: m.alpha_mode == AlphaMode::Blend && alpha.0 < 1.0,

@@ -5,24 +5,76 @@
 //! multiplications, divisions and square roots alone.
 
 mod atrium;
+mod bunny;
+mod chess;
 mod city;
+mod courtyard;
 mod curve;
 mod dragon;
 mod foliage;
+mod gallery;
+mod glassware;
 mod hair;
+mod lathe;
 pub(crate) mod math;
 mod piece;
 mod pipes;
 mod random;
+mod rooms;
+mod shade;
 mod stadium;
 
 use crate::Scene;
 
-/// The scenes that [`generate`] makes.
-pub const NAMES: &[&str] = &["dragon", "hair", "atrium", "city", "pipes", "foliage", "stadium"];
+/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`].
+pub const NAMES: &[&str] = &[
+    "dragon",
+    "hair",
+    "atrium",
+    "city",
+    "pipes",
+    "foliage",
+    "stadium",
+    "chess",
+    "gallery",
+    "courtyard",
+    "plain",
+    "one_mirror",
+];
+
+/// Scenes that differ in how their triangles lie, for comparing builders. Nothing moves, and there
+/// are no shading normals.
+pub const SHAPES: &[&str] = NAMES.split_at(7).0;
+
+/// Scenes that differ in which effects they call for, for renderers: with shading normals, moving
+/// objects and a camera path of 200 frames.
+pub const EFFECTS: &[&str] = NAMES.split_at(7).1;
+
+/// What a scene holds, in a line for a help text; `None` for an unknown name.
+#[must_use]
+pub fn describe(name: &str) -> Option<&'static str> {
+    Some(match name {
+        "dragon" => "one closed, evenly tessellated serpent",
+        "hair" => "many thin curved tubes",
+        "atrium" => "a court with columns, arches and drapery",
+        "city" => "rotated houses and domes",
+        "pipes" => "long thin pipes and beams",
+        "foliage" => "trees with leaves in a walled yard",
+        "stadium" => "a teapot in a stadium",
+        "chess" => "nine boards, 288 reflecting figures and nine mirror balls, all moving",
+        "gallery" => "the atrium with a mirror statue and a glass one",
+        "courtyard" => "a court with laid tables: glassware, wine, water",
+        "plain" => "a room in which nothing reflects",
+        "one_mirror" => "the plain room with one small mirror",
+        _ => return None,
+    })
+}
 
 /// Makes a scene of about `triangles` triangles (within 5 % from 1,000 on), or `None` for an
 /// unknown name.
+///
+/// Scenes of many figures have fewer of them where the request is small: `chess` has all 288 from
+/// 60,000 triangles on.
 #[must_use]
 pub fn generate(name: &str, triangles: usize, seed: u64) -> Option<Scene> {
     // Fewer could not show the shape; more could not be numbered.
@@ -35,6 +87,11 @@ pub fn generate(name: &str, triangles: usize, seed: u64) -> Option<Scene> {
         "pipes" => pipes::plan(triangles, seed),
         "foliage" => foliage::plan(triangles, seed),
         "stadium" => stadium::plan(triangles, seed),
+        "chess" => chess::plan(triangles, seed),
+        "gallery" => gallery::plan(triangles, seed),
+        "courtyard" => courtyard::plan(triangles, seed),
+        "plain" => rooms::plan(triangles, seed, false),
+        "one_mirror" => rooms::plan(triangles, seed, true),
         _ => return None,
     };
     Some(plan.into_scene(name))

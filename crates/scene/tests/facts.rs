@@ -5,8 +5,8 @@ use niwaki_core::{
     glam::{Vec2, Vec3},
 };
 use niwaki_scene::{
-    AlphaMode, Camera, Dropped, Environment, Light, LightKind, Material, MaterialClass,
-    MaterialFacts, Scene, SceneFacts, Texture,
+    AlphaMode, Camera, Environment, Light, LightKind, Material, MaterialClass, MaterialFacts,
+    Scene, SceneFacts, Texture,
 };
 
 /// One triangle a material, side by side along x.
@@ -23,14 +23,11 @@ fn scene(materials: Vec<Material>) -> Scene {
         name: "facts".into(),
         uvs: vec![Vec2::ZERO; positions.len()],
         mesh: TriangleMesh::new(positions, indices).unwrap(),
-        normals: vec![],
         material_ids: ids.collect(),
         materials,
-        textures: vec![],
         cameras: vec![Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0)],
-        lights: vec![],
         environment: Environment::DARK,
-        dropped: Dropped::default(),
+        ..Scene::default()
     }
 }
 
@@ -62,6 +59,10 @@ fn classes_follow_from_the_numbers() {
     // All metal: nothing is left that transmission could share.
     let metal = Material { transmission: 1.0, ..Material::metal("m", Vec3::ONE, 0.5) };
     assert_eq!(class_of(metal), MaterialClass::Glossy);
+    let metal =
+        Material { transmission: 1.0, absorption: Vec3::X, ..Material::metal("m", Vec3::ONE, 0.5) };
+    let metal = facts_of(metal, vec![]);
+    assert!(metal.absorbing && !metal.transmissive, "alpha may let rays in all the same");
     let broken = Material { metallic: f32::NAN, roughness: f32::NAN, ior: f32::NAN, ..matte };
     assert_eq!(class_of(broken), MaterialClass::Mirror, "NaN reads as 0");
     let black = facts_of(Material::matte("black", Vec3::ZERO), vec![]);
@@ -92,6 +93,10 @@ fn textures_decide_where_they_vary() {
     assert!(!facts.reflective && !facts.polished && facts.glossy);
     let facts = facts_of(coat, two_pixels([0, 0, 0, 0], [0, 30, 0, 0]));
     assert!(facts.reflective && facts.polished && !facts.glossy);
+    // Compression leaves traces of metal.
+    let noisy = two_pixels([0, 0, 0, 255], [0, 255, 100, 255]);
+    let facts = facts_of(textured(1.0, 1.0), noisy);
+    assert!(!facts.reflective && facts.glossy && facts.diffuse);
     // A texture that the scene does not have reads as ones.
     let facts = facts_of(textured(1.0, 1.0), vec![]);
     assert!(!facts.textured && facts.glossy);

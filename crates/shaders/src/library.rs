@@ -17,6 +17,9 @@ macro_rules! embedded {
 }
 
 const EMBEDDED: &[(&str, &str)] = embedded![
+    "boxes",
+    "drive",
+    "float",
     "hybrid/counters",
     "hybrid/cull",
     "hybrid/deform",
@@ -38,11 +41,17 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "lbvh/mark",
     "lbvh/morton",
     "lbvh/rank",
+    "lbvh/scan",
     "lbvh/sort",
     "lbvh/state",
     "lbvh/tree",
     "lbvh/triangles",
     "probe",
+    "ray",
+    "trace_binary",
+    "trace_wide",
+    "tracing",
+    "triangle",
 ];
 
 /// A set of shader files by name.

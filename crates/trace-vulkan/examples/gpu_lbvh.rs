@@ -1,9 +1,11 @@
-//! Builds linear BVHs on the GPU and prints how fast, stage by stage.
+//! Builds linear BVHs on the GPU and prints how fast, stage by stage. Arguments are numbers of
+//! triangles of a procedural scene, or files.
 //!
-//! `cargo run --release -p niwaki-trace-vulkan --example gpu_lbvh -- 100000 1000000`
+//! `cargo run --release -p niwaki-trace-vulkan --example gpu_lbvh -- 1000000 scene.glb`
 
 use niwaki_build_lbvh::Lbvh;
-use niwaki_core::Builder;
+use niwaki_core::{Builder, TriangleMesh};
+use niwaki_scene::LoadOptions;
 use niwaki_trace_vulkan::{Device, GpuLbvh, LbvhConfig, LbvhTimes};
 use std::time::Instant;
 
@@ -14,21 +16,27 @@ fn median(mut seconds: Vec<f64>) -> f64 {
     seconds[seconds.len() / 2]
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut counts = Vec::new();
-    for argument in std::env::args().skip(1) {
-        counts.push(argument.parse::<usize>()?);
+/// As many random triangles as the name says, a few times as large as the space between them; or
+/// those of the file of that name.
+fn mesh(name: &str) -> Result<TriangleMesh, Box<dyn std::error::Error>> {
+    if let Ok(count) = name.parse::<usize>() {
+        let size = 3.0 / (count as f32).cbrt();
+        return Ok(niwaki_hard_cases::soup_mesh(count, size, 1));
     }
-    if counts.is_empty() {
-        counts = vec![10_000, 100_000];
+    Ok(niwaki_scene::load(name.as_ref(), &LoadOptions::default())?.mesh)
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut scenes: Vec<String> = std::env::args().skip(1).collect();
+    if scenes.is_empty() {
+        scenes = vec!["10000".into(), "100000".into()];
     }
     let device = Device::new()?;
     println!("{} ({})", device.name(), device.info().driver);
     let builder = GpuLbvh::new(&device)?;
-    for count in counts {
-        // Triangles a few times as large as the space between them.
-        let size = 3.0 / (count as f32).cbrt();
-        let mesh = niwaki_hard_cases::soup_mesh(count, size, 1);
+    for name in scenes {
+        let mesh = mesh(&name)?;
+        let count = mesh.len();
         let positions = device.upload(mesh.positions())?;
         let indices = device.upload(mesh.indices())?;
         for config in [LbvhConfig::every_frame(), LbvhConfig::default()] {
@@ -55,7 +63,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 walls.push(wall);
                 cpu_walls.push(cpu_wall);
             }
-            println!("\n{count} triangles, codes of {} bits: median of {ROUNDS}", config.code_bits);
+            println!(
+                "\n{name}: {count} triangles, codes of {} bits: median of {ROUNDS}",
+                config.code_bits
+            );
             println!("{:>10}  {:>9}  {:>12}", "stage", "ms", "Mtriangles/s");
             let line = |name: &str, seconds: f64| {
                 let rate = count as f64 * 1e-6 / seconds;

@@ -16,9 +16,12 @@ mod buffer;
 mod device;
 mod error;
 mod kernel;
+mod layout;
 mod lbvh;
 mod memory;
+mod scene;
 mod timing;
+mod tracer;
 
 pub use batch::Batch;
 pub use buffer::Buffer;
@@ -26,7 +29,9 @@ pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions};
 pub use error::GpuError;
 pub use kernel::Kernel;
 pub use lbvh::{GpuLbvh, LbvhConfig, LbvhError, LbvhTimes, LbvhWorkspace};
+pub use scene::{DeviceTree, GpuScene, TreeLayout};
 pub use timing::Timings;
+pub use tracer::{Query, Schedule, Trace, Tracer};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -35,7 +35,7 @@ fn configs() -> impl Iterator<Item = LbvhConfig> {
 
 fn check(builder: &GpuLbvh, mesh: &TriangleMesh, name: &str) {
     // All settings for small meshes, the first and the last for large ones.
-    let step = if mesh.len() < 3000 { 1 } else { 5 };
+    let step = if mesh.len() < 1000 { 1 } else { 5 };
     for config in configs().step_by(step) {
         let expected = cpu(&config).build_mesh(mesh).unwrap();
         let found = builder.build_mesh(mesh, &config).unwrap();
@@ -82,7 +82,7 @@ fn points() -> impl Strategy<Value = Vec<[Vec3; 2]>> {
 fn any_boxes_give_the_tree_of_the_cpu() {
     let Some(device) = device() else { return };
     let builder = GpuLbvh::new(&device).unwrap();
-    let config = ProptestConfig { cases: 12, max_shrink_iters: 100, ..ProptestConfig::default() };
+    let config = ProptestConfig { cases: 8, max_shrink_iters: 100, ..ProptestConfig::default() };
     TestRunner::new(config)
         .run(&points(), |points| {
             let prims = boxes(points);

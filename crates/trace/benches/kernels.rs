@@ -4,7 +4,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fastrand::Rng;
 use niwaki_core::{Hit, Intersector, Ray, glam::Vec3};
 use niwaki_hard_cases::{median_tree, soup_mesh};
-use niwaki_trace::{BinaryScene, Kernel, QuantisedScene, WideScene};
+use niwaki_trace::{BinaryScene, QuantisedScene, WideScene};
 use std::hint::black_box;
 
 /// In a cube from −1 to 1.
@@ -24,7 +24,7 @@ fn kernels(c: &mut Criterion) {
     let binary = BinaryScene::new(&bvh, &mesh).expect("a tree of this mesh");
     let mut scenes: Vec<(String, Box<dyn Intersector>)> =
         vec![("binary".to_owned(), Box::new(binary))];
-    for kernel in Kernel::available() {
+    for kernel in WideScene::<8>::kernels() {
         let scene = wide.clone().with_kernel(kernel).expect("available");
         scenes.push((kernel.to_string(), Box::new(scene)));
         let scene = quantised.clone().with_kernel(kernel).expect("available");

@@ -2,7 +2,7 @@
 
 use niwaki_core::{Intersector, Ray, TriangleMesh, glam::Vec3};
 use niwaki_hard_cases::{median_tree, sheet};
-use niwaki_trace::{Kernel, WideScene};
+use niwaki_trace::{AutoScene, Kernel, Mode};
 use std::time::Instant;
 
 /// A grid of `n`² quads over the unit square, lifted by a ripple.
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let bvh = median_tree(&mesh, 2); // The builder crates do better.
     let (width, height) = (72_u16, 28_u16);
     for kernel in Kernel::available() {
-        let scene = WideScene::new(&bvh, &mesh)?.with_kernel(kernel)?;
+        let scene = AutoScene::for_kernel(kernel, Mode::default(), &bvh, &mesh)?;
         let start = Instant::now();
         let mut picture = String::new();
         for y in 0..height {

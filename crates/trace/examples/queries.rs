@@ -2,7 +2,7 @@
 
 use niwaki_core::{Aabb, Ray, Triangle, TriangleMesh, glam::Vec3};
 use niwaki_hard_cases::median_tree;
-use niwaki_trace::{HitQueries, MaskedScene, MeshQueries, WideScene};
+use niwaki_trace::{AutoScene, HitQueries, MaskedScene, MeshQueries};
 
 /// Ten square leaves one behind the other, two triangles each.
 fn leaves() -> Result<TriangleMesh, niwaki_core::MeshError> {
@@ -19,7 +19,7 @@ fn leaves() -> Result<TriangleMesh, niwaki_core::MeshError> {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mesh = leaves()?;
     let bvh = median_tree(&mesh, 2); // The builder crates do better.
-    let scene = WideScene::new(&bvh, &mesh)?;
+    let scene = AutoScene::new(&bvh, &mesh)?;
     let ray = Ray::new(Vec3::new(0.3, 0.86, -1.0), Vec3::new(0.02, -0.03, 1.0));
 
     // An alpha mask: a leaf is solid only around its middle, where both weights are near a third.

@@ -3,14 +3,14 @@
 use crate::{
     Counts, HitQueries, Mode, SceneError,
     counts::Counter,
-    flat::{NEVER_HIT, closing, is_flat},
+    prepare::scaled_words,
     query::{
         hits::Traverse,
         visitor::{Closest, First, Found, Visitor},
     },
     scale::SceneScale,
     setup::RaySetup,
-    triangle::{Fast, TriangleTest, no_hit, words},
+    triangle::{Fast, TriangleTest, no_hit},
     watertight::Sheared,
 };
 use niwaki_core::{
@@ -55,23 +55,8 @@ impl BinaryScene {
             let bounds = scale.aabb(node.aabb());
             BvhNode { min: bounds.min, max: bounds.max, ..*node }
         });
-        let triangle = |id: u32| mesh.triangle(id as usize);
-        let ids = bvh.prim_ids.par_iter().with_min_len(4096);
-        let flat: Vec<u32> = ids.clone().copied().filter(|&id| is_flat(&triangle(id))).collect();
-        let kept = closing(&flat, mesh);
-        let triangles = ids.map(|&id| {
-            if !flat.is_empty() && is_flat(&triangle(id)) && kept.binary_search(&id).is_err() {
-                return NEVER_HIT;
-            }
-            words(mode, &scale.triangle(triangle(id)))
-        });
-        Ok(Self {
-            nodes: nodes.collect(),
-            prim_ids: bvh.prim_ids.clone(),
-            triangles: triangles.collect(),
-            mode,
-            scale,
-        })
+        let triangles = scaled_words(mode, scale, &bvh.prim_ids, mesh);
+        Ok(Self { nodes: nodes.collect(), prim_ids: bvh.prim_ids.clone(), triangles, mode, scale })
     }
 
     /// Bytes that nodes, ids and triangles take.

@@ -2,12 +2,12 @@
 //!
 //! ```
 //! use niwaki_core::{Bvh, BvhNode, Intersector, Ray, TriangleMesh, glam::Vec3};
-//! use niwaki_trace::WideScene;
+//! use niwaki_trace::AutoScene;
 //!
 //! let mesh = TriangleMesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]])?;
 //! // Any builder makes the tree; for one triangle a leaf will do.
 //! let bvh = Bvh { nodes: vec![BvhNode::leaf(mesh.bounds(), 0, 1)], prim_ids: vec![0] };
-//! let scene = WideScene::new(&bvh, &mesh)?;
+//! let scene = AutoScene::new(&bvh, &mesh)?;
 //! let hit = scene.closest_hit(&Ray::new(Vec3::new(0.25, 0.5, -2.0), Vec3::Z));
 //! assert_eq!((hit.prim_id, hit.t, hit.u, hit.v), (0, 2.0, 0.25, 0.5));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -15,7 +15,8 @@
 //!
 //! | item | what it is |
 //! |---|---|
-//! | [`WideScene`] | a wide tree (8 unless said otherwise; 4 or 16) with its triangles, traced by the fastest [`Kernel`] the processor has |
+//! | [`AutoScene`] | a tree with its triangles, as wide as suits the processor, traced by the fastest [`Kernel`] it has: start here |
+//! | [`WideScene`] | the same with a width that you choose: 8 unless said otherwise; 4 or 16 |
 //! | [`QuantisedScene`] | the same with nodes of half the size |
 //! | [`Mode`] | watertight, the default: no ray slips between two triangles; or fast |
 //! | [`BinaryScene`] | the scalar reference kernel over the binary tree |
@@ -37,6 +38,7 @@
 //!
 //! There are no feature flags.
 
+mod auto;
 mod binary;
 mod brute;
 mod counts;
@@ -46,6 +48,7 @@ mod flat;
 mod kernel;
 mod kernels;
 mod mode;
+mod prepare;
 mod quantised;
 mod query;
 mod scale;
@@ -54,6 +57,7 @@ mod triangle;
 mod watertight;
 mod wide;
 
+pub use auto::AutoScene;
 pub use binary::BinaryScene;
 pub use brute::{BruteForce, brute_force, brute_force_all, brute_force_any, brute_force_in};
 pub use counts::Counts;
@@ -61,6 +65,7 @@ pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;
 pub use mode::Mode;
+pub use prepare::{Prepared, check_binary};
 pub use quantised::QuantisedScene;
 pub use query::{
     Batches, CustomScene, HitQueries, LengthMismatch, MaskedScene, MeshQueries, NearestPoint,

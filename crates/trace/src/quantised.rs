@@ -1,7 +1,7 @@
 //! The wide tree with quantised nodes, and its triangles.
 
 #[cfg(target_arch = "x86_64")]
-use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
+use crate::kernels::{avx2, avx2_4, avx512, avx512_16, sse42};
 use crate::{
     Counts, HitQueries, Kernel, Mode, SceneError, WideScene,
     kernels::scalar,
@@ -91,7 +91,9 @@ impl<const W: usize> QuantisedScene<W> {
 
 scene_methods!(QuantisedScene);
 
-intersector!(QuantisedScene, 4, quantised_fast, quantised_watertight, Avx2 => avx2_4);
+intersector!(
+    QuantisedScene, 4, quantised_fast, quantised_watertight, Avx2 => avx2_4, Sse42 => sse42
+);
 intersector!(
     QuantisedScene, 8, quantised_fast, quantised_watertight, Avx512 => avx512, Avx2 => avx2
 );

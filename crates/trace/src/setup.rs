@@ -175,4 +175,18 @@ impl Slabs {
         }
         Self { inverse, near_offset, far_offset }
     }
+
+    /// For a quantised node's test whose multiply-adds round twice: that adds roundings of q·s·r and
+    /// g·r, `|r|·u·(2.02M + M)` at most, to the bound above.
+    #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "kernels of x86-64"))]
+    pub(crate) fn unfused(self, ray: &RaySetup, magnitude: f32) -> Self {
+        // A unit more of each for forming the new offsets.
+        let more = (ray.origin.abs() + magnitude) * (2.0 * f32::EPSILON) * self.inverse.abs();
+        let limit = Vec3A::splat(f32::MAX);
+        Self {
+            near_offset: (self.near_offset - more).max(-limit),
+            far_offset: (self.far_offset + more).min(limit),
+            ..self
+        }
+    }
 }

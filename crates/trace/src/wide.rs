@@ -1,7 +1,7 @@
 //! The wide tree with its triangles.
 
 #[cfg(target_arch = "x86_64")]
-use crate::kernels::{avx2, avx2_4, avx512, avx512_16};
+use crate::kernels::{avx2, avx2_4, avx512, avx512_16, sse42};
 use crate::{
     Counts, HitQueries, Kernel, Mode, SceneError,
     flat::{NEVER_HIT, closing, is_flat},
@@ -22,7 +22,8 @@ use std::sync::Arc;
 /// A wide tree with its triangles, laid out for SIMD, traced by the fastest [`Kernel`] that the
 /// processor has for its width unless [`WideScene::with_kernel`] chooses another.
 ///
-/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide; [`WideScene::build_from`] makes the others.
+/// `W` is 4, 8 or 16. Plain `WideScene` is 8 wide; [`WideScene::build_from`] makes the others, and
+/// [`crate::AutoScene`] the one that is fastest on this processor.
 ///
 /// Owns a copy of all that it needs; clones share it.
 #[derive(Clone, Debug)]
@@ -446,6 +447,6 @@ macro_rules! intersector {
 
 pub(crate) use intersector;
 
-intersector!(WideScene, 4, fast, watertight, Avx2 => avx2_4);
+intersector!(WideScene, 4, fast, watertight, Avx2 => avx2_4, Sse42 => sse42);
 intersector!(WideScene, 8, fast, watertight, Avx512 => avx512, Avx2 => avx2);
 intersector!(WideScene, 16, fast, watertight, Avx512 => avx512_16);

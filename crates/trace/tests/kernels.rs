@@ -6,7 +6,7 @@ use niwaki_core::{
 };
 use niwaki_exact::{Verdict, closest_in_mesh, settle, settle_any, t_error_bound};
 use niwaki_hard_cases::{self as hard, median_tree, soup_mesh};
-use niwaki_trace::{BinaryScene, Kernel, QuantisedScene, WideScene, brute_force};
+use niwaki_trace::{BinaryScene, QuantisedScene, WideScene, brute_force};
 use niwaki_wide::{CollapseMethod, CollapseSettings, WideBvh};
 
 /// All kernels over a mesh, by name.
@@ -16,7 +16,7 @@ fn kernels(mesh: &TriangleMesh, leaf: usize) -> Vec<(String, Box<dyn Intersector
     let quantised = QuantisedScene::new(&bvh, mesh).unwrap();
     let mut all: Vec<(String, Box<dyn Intersector>)> =
         vec![("binary".to_owned(), Box::new(BinaryScene::new(&bvh, mesh).unwrap()))];
-    for kernel in Kernel::available() {
+    for kernel in WideScene::<8>::kernels() {
         let scene = wide.clone().with_kernel(kernel).unwrap();
         all.push((kernel.to_string(), Box::new(scene)));
         let scene = quantised.clone().with_kernel(kernel).unwrap();

@@ -4,7 +4,7 @@ use niwaki_core::{
     Aabb, Bvh, BvhNode, Hit, Intersector, Ray, Triangle, TriangleMesh, glam::Vec3, to_u32,
 };
 use niwaki_hard_cases::median_tree;
-use niwaki_trace::{BinaryScene, Counts, Kernel, SceneError, WideScene};
+use niwaki_trace::{AutoScene, BinaryScene, Counts, Kernel, Mode, SceneError, WideScene};
 use niwaki_wide::{Bvh4, Bvh16, CollapseError, CollapseSettings};
 
 /// Unit right triangles in planes of constant z, one per unit.
@@ -48,7 +48,7 @@ fn nothing_is_hit_in_an_empty_scene() {
     assert_eq!(BinaryScene::new(&bvh, &mesh).unwrap().closest_hit(&ray), Hit::MISS);
     let wide = WideScene::new(&bvh, &mesh).unwrap();
     assert_eq!(wide.bytes() - 32, 0, "nothing but the padding");
-    for kernel in Kernel::available() {
+    for kernel in WideScene::<8>::kernels() {
         let scene = wide.clone().with_kernel(kernel).unwrap();
         assert_eq!(scene.closest_hit(&ray), Hit::MISS);
         assert!(!scene.any_hit(&ray));
@@ -84,7 +84,7 @@ fn chains_of_any_depth_are_traced() {
             }
         };
         check(&binary);
-        for kernel in Kernel::available() {
+        for kernel in WideScene::<8>::kernels() {
             check(&wide.clone().with_kernel(kernel).unwrap());
         }
         let optimal = CollapseSettings::optimal();
@@ -162,16 +162,16 @@ fn trees_that_do_not_fit_are_refused() {
 #[test]
 fn missing_instructions_are_an_error() {
     let scene = WideScene::new(&Bvh::default(), &TriangleMesh::default()).unwrap();
-    assert_eq!(scene.kernel(), Kernel::best());
+    assert_eq!(WideScene::<8>::kernels().last(), Some(&scene.kernel()));
     for kernel in Kernel::ALL {
         let chosen = scene.clone().with_kernel(kernel);
-        assert_eq!(chosen.is_ok(), Kernel::available().contains(&kernel));
+        assert_eq!(chosen.is_ok(), kernel.is_available() && kernel.traces(8), "{kernel}");
     }
     // No kernel is offered for a width that it does not trace.
     let bvh = Bvh16::collapse(&Bvh::default(), &CollapseSettings::default()).unwrap();
     let scene = WideScene::build_from(bvh, &TriangleMesh::default()).unwrap();
     assert_eq!(WideScene::<16>::kernels().last(), Some(&scene.kernel()));
-    for (kernel, width) in [(Kernel::Avx2, 4), (Kernel::Avx512, 16)] {
+    for (kernel, width) in [(Kernel::Sse42, 4), (Kernel::Avx2, 4), (Kernel::Avx512, 16)] {
         let kernels =
             if width == 4 { WideScene::<4>::kernels() } else { WideScene::<16>::kernels() };
         assert_eq!(kernels.contains(&kernel), kernel.is_available(), "{kernel}, {width} wide");
@@ -185,4 +185,37 @@ fn scenes_are_shared_between_threads() {
     fn check<T: Send + Sync>() {}
     check::<BinaryScene>();
     check::<WideScene>();
+    check::<AutoScene>();
+}
+
+#[test]
+fn the_width_is_what_suits_the_kernel() {
+    let mesh = stack_of(40);
+    let bvh = median_tree(&mesh, 1);
+    let up = Ray::new(Vec3::new(0.25, 0.25, -1.0), Vec3::Z);
+    for mode in Mode::ALL {
+        let best = AutoScene::new_in(mode, &bvh, &mesh).unwrap();
+        assert_eq!((best.kernel(), best.mode()), (Kernel::best(), mode));
+        for kernel in Kernel::ALL {
+            assert!(kernel.traces(kernel.best_width()), "{kernel}");
+            let scene = match AutoScene::for_kernel(kernel, mode, &bvh, &mesh) {
+                Ok(scene) => scene,
+                Err(error) => {
+                    assert_eq!(error, SceneError::KernelUnavailable(kernel));
+                    assert!(!kernel.is_available());
+                    continue;
+                }
+            };
+            assert_eq!((scene.kernel(), scene.width()), (kernel, kernel.best_width()));
+            assert_eq!(scene.closest_hit(&up).prim_id, 0);
+            assert_eq!(scene.closest_hit(&up), best.closest_hit(&up));
+            assert_eq!(scene.closest_hit_counted(&up).0, best.closest_hit(&up));
+            assert!(scene.any_hit(&up) && scene.any_hit_counted(&up).0 && scene.bytes() > 1000);
+            // Every width has the scalar kernel; the other way round it depends on the width.
+            assert_eq!(scene.clone().with_kernel(Kernel::Scalar).unwrap().width(), scene.width());
+            let traced = kernel.traces(best.width());
+            assert_eq!(best.clone().with_kernel(kernel).is_ok(), traced, "{kernel}");
+        }
+    }
+    assert!(AutoScene::new(&bvh, &stack_of(30)).is_err());
 }

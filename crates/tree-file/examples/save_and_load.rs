@@ -2,7 +2,7 @@
 
 use niwaki_core::{Bvh, Intersector, Ray, glam::Vec3};
 use niwaki_hard_cases::{median_tree, soup_mesh};
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use niwaki_tree_file::TreeFile;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{} nodes in {} bytes", bvh.nodes.len(), file.len());
 
     let loaded = Bvh::load(&path)?;
-    let scene = WideScene::new(&loaded, &mesh)?;
+    let scene = AutoScene::new(&loaded, &mesh)?;
     let hit = scene.closest_hit(&Ray::new(Vec3::splat(-2.0), Vec3::ONE));
     println!("a ray through the loaded tree hits triangle {}", hit.prim_id);
 

@@ -49,7 +49,7 @@ fn builders(args: &AccuracyArgs) -> Result<ExitCode> {
     let family_of: Vec<(String, &str)> =
         builders.iter().zip(families).map(|(b, family)| (b.full_name(), family)).collect();
     let mut run = machine::describe();
-    find_peers(false, &mut builders, &mut run)?;
+    find_peers(false, "", &mut builders, &mut run)?;
     if builders.is_empty() {
         bail!("no builder is left to measure: Embree alone was asked for, and it is not there");
     }
@@ -64,6 +64,7 @@ fn builders(args: &AccuracyArgs) -> Result<ExitCode> {
         kernels: vec![crate::kernel::TraceKernel::best()],
         collapse: crate::kernel::Collapse::Optimal,
         robust: false,
+        embree_config: String::new(),
         binary: Vec::new(),
         seconds,
         brief: false,
@@ -112,7 +113,7 @@ fn measure(
     let count = if args.quick { 20_000 } else { 200_000 };
     let sets = method.all_cores.install(|| {
         let tree = rays::recorder().build_mesh(&scene.mesh)?;
-        let wide = niwaki_trace::WideScene::new(&tree, &scene.mesh)?;
+        let wide = niwaki_trace::AutoScene::new(&tree, &scene.mesh)?;
         anyhow::Ok(rays::record(scene, &wide, &RAY_SETS.map(str::to_owned), count, args.seed))
     })?;
     let mut judged = Vec::new();

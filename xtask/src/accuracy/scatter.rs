@@ -60,21 +60,27 @@ pub(super) fn marker(area: &Area<'_>, at: (i32, i32), family: usize, size: i32) 
     match family / COLOURS.len() {
         0 => area.draw(&Circle::new(at, size, colour.filled())),
         1 => area.draw(&TriangleMarker::new(at, size + 2, colour.filled())),
-        _ => area.draw(&Cross::new(at, size, colour.stroke_width(2))),
+        2 => area.draw(&Cross::new(at, size, colour.stroke_width(2))),
+        _ => {
+            let (low, high) = ((at.0 - size, at.1 - size), (at.0 + size, at.1 + size));
+            area.draw(&Rectangle::new([low, high], colour.filled()))
+        }
     }
     .map_err(failed)
 }
 
-/// The names of families with their markers, in columns at the right.
+/// The names of families with their markers, below each other at the right, closer to each other
+/// where there are many.
 pub(super) fn legend(area: &Area<'_>, families: &[&str]) -> Result<()> {
-    #[expect(clippy::cast_possible_wrap, reason = "pixels")]
-    let x = SIZE.0 as i32 - LEGEND as i32 + 14;
+    let x = f64::from(SIZE.0 - LEGEND) + 14.0;
+    let pitch = ((f64::from(SIZE.1) - 24.0) / families.len().max(1) as f64).min(18.0);
+    let size = (pitch - 1.0).min(12.0);
     for (i, family) in families.iter().enumerate() {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "few")]
-        let y = 18 + 18 * i as i32;
-        marker(area, (x, y), i, 4)?;
-        let style = text(12.0, INK);
-        area.draw(&Text::new((*family).to_owned(), (x + 10, y - 7), style)).map_err(failed)?;
+        let y = 14.0 + pitch * i as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+        let (at, name) = ((x as i32, y as i32), ((x + 10.0) as i32, (y - 0.5 * size) as i32));
+        marker(area, at, i, 4)?;
+        area.draw(&Text::new((*family).to_owned(), name, text(size, INK))).map_err(failed)?;
     }
     Ok(())
 }

@@ -188,19 +188,6 @@ pub(crate) fn own_structures(source: Source, robust: bool) -> usize {
     }
 }
 
-/// The kernels by the layout that they share.
-pub(crate) fn layouts(kernels: &[TraceKernel]) -> Vec<Vec<TraceKernel>> {
-    let mut layouts: Vec<Vec<TraceKernel>> = Vec::new();
-    for &kernel in kernels {
-        let same = |layout: &&mut Vec<TraceKernel>| layout[0].layout() == kernel.layout();
-        match layouts.iter_mut().find(same) {
-            Some(layout) => layout.push(kernel),
-            None => layouts.push(vec![kernel]),
-        }
-    }
-    layouts
-}
-
 /// What traces a tree by our kernels, and by the scalar one over the binary tree if that is wanted.
 pub(crate) fn ours<'a>(
     method: &Method,
@@ -210,7 +197,7 @@ pub(crate) fn ours<'a>(
 ) -> Vec<Engine<'a>> {
     let mesh = group.mesh;
     let mut engines = Vec::new();
-    for layout in layouts(&method.kernels) {
+    for layout in TraceKernel::by_layout(&method.kernels) {
         let tree = group
             .all_cores
             .install(|| WideTree::new(layout[0], method.collapse, bvh, mesh))

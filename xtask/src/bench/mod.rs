@@ -23,7 +23,7 @@ use matrix::{ScenePlan, plan};
 use niwaki_core::{Builder, TriangleMesh};
 use niwaki_peers::{Embree, EmbreeSettings};
 use niwaki_scene::Scene;
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use progress::Progress;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rays::RaySet;
@@ -50,6 +50,8 @@ pub(crate) struct Method {
     pub(crate) collapse: Collapse,
     /// Embree's robust mode is measured too.
     pub(crate) robust: bool,
+    /// What Embree's device is configured with besides its threads.
+    pub(crate) embree_config: String,
     /// Builders whose binary trees are traced too, by the scalar reference kernel.
     pub(crate) binary: Vec<String>,
     /// Least time of each measurement.
@@ -93,7 +95,8 @@ impl<'a> Group<'a> {
     ) -> Result<Self> {
         // One device at a time: Embree takes the largest number of threads of all that live.
         let embree = if method.builders.iter().any(|b| b.source() == Source::Embree) {
-            Some(Embree::with_settings(&EmbreeSettings { threads, ..EmbreeSettings::default() })?)
+            let config = method.embree_config.clone();
+            Some(Embree::with_settings(&EmbreeSettings { library: None, threads, config })?)
         } else {
             None
         };
@@ -126,13 +129,13 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     if args.no_peers {
         builders.retain(|builder| builder.source() == Source::Niwaki);
     }
-    find_peers(args.peers, &mut builders, &mut run)?;
+    find_peers(args.peers, &args.embree_config, &mut builders, &mut run)?;
     if builders.is_empty() {
         bail!("no builder is left to measure");
     }
     let ray_sets = rays::names(&args.rays);
     if args.list {
-        list(&specs, &plans, &builders, &ray_sets);
+        list(&specs, &plans, &builders, &ray_sets, &run.peers);
         return Ok(exit_code(&failures));
     }
 
@@ -149,6 +152,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
         kernels,
         collapse: args.collapse,
         robust: args.robust,
+        embree_config: args.embree_config.clone(),
         binary: Vec::new(),
         seconds,
         brief: false,
@@ -261,6 +265,7 @@ fn obvhs_version() -> &'static str {
 /// Notes the peers' versions, and drops Embree's builders with a line if it is not there.
 pub(crate) fn find_peers(
     required: bool,
+    embree_config: &str,
     builders: &mut Vec<TreeBuilder>,
     run: &mut Run,
 ) -> Result<()> {
@@ -269,8 +274,9 @@ pub(crate) fn find_peers(
         run.peers.push(format!("obvhs {}", obvhs_version()));
     }
     if has(builders, Source::Embree) {
-        match Embree::load() {
-            Ok(embree) => run.peers.push(format!("Embree {}", embree.version())),
+        let settings = EmbreeSettings { config: embree_config.into(), ..Default::default() };
+        match Embree::with_settings(&settings) {
+            Ok(embree) => run.peers.push(embree_name(&embree, embree_config)),
             Err(error) if required => return Err(error.into()),
             Err(error) => {
                 eprintln!("note: measuring without Embree. {error}");
@@ -281,13 +287,40 @@ pub(crate) fn find_peers(
     Ok(())
 }
 
-fn list(specs: &[SceneSpec], plans: &[ScenePlan], builders: &[TreeBuilder], ray_sets: &[String]) {
+/// The version and the instructions that the device itself says it uses: a configuration that Embree
+/// did not understand shows.
+fn embree_name(embree: &Embree, config: &str) -> String {
+    let mut name = format!("Embree {}", embree.version());
+    if let Some(width) = embree.vector_width() {
+        let instructions = match width {
+            16 => "AVX-512",
+            8 => "AVX or AVX2",
+            _ => "SSE or NEON",
+        };
+        name += &format!(" with {instructions}");
+    }
+    if !config.is_empty() {
+        name += &format!(" ({config})");
+    }
+    name
+}
+
+fn list(
+    specs: &[SceneSpec],
+    plans: &[ScenePlan],
+    builders: &[TreeBuilder],
+    ray_sets: &[String],
+    peers: &[String],
+) {
     println!("scenes and threads:");
     for plan in plans {
         println!("  {} at {:?}", specs[plan.scene].describe(), plan.threads);
     }
     let names: Vec<_> = builders.iter().map(TreeBuilder::full_name).collect();
     println!("builders: {}\nrays: {}", names.join(", "), ray_sets.join(", "));
+    if !peers.is_empty() {
+        println!("peers: {}", peers.join(", "));
+    }
 }
 
 fn save(setup: &Setup, results: &Results) -> Result<()> {
@@ -345,7 +378,7 @@ fn prepare(
     let builder = rays::recorder();
     setup.method.all_cores.install(|| {
         setup.method.progress.message(&format!("{}: record rays", scene.name));
-        let wide = WideScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
+        let wide = AutoScene::new(&builder.build_mesh(&scene.mesh)?, &scene.mesh)?;
         let sets = rays::record(scene, &wide, &setup.ray_sets, setup.ray_count, setup.seed);
         if let (true, Some(folder)) = (plan.pictures, &setup.pictures) {
             setup.method.progress.message(&format!("{}: render", scene.name));
@@ -372,4 +405,23 @@ fn measure_group(
         traces::measure(&setup.method, &mut group, built, sets).into_iter().map(Row::Trace),
     );
     Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_of_embree_says_what_its_device_uses() {
+        let of = |config: &str| {
+            let settings = EmbreeSettings { config: config.into(), ..Default::default() };
+            Embree::with_settings(&settings).map(|embree| embree_name(&embree, config))
+        };
+        let (Ok(plain), Ok(narrow)) = (of(""), of("max_isa=sse4.2")) else {
+            eprintln!("skipped: Embree is not there");
+            return;
+        };
+        assert!(plain.starts_with("Embree ") && !plain.contains('('), "{plain}");
+        assert!(narrow.ends_with("(max_isa=sse4.2)") && !narrow.contains("AVX"), "{narrow}");
+    }
 }

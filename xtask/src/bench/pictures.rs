@@ -5,7 +5,7 @@ use crate::results::{HeatMap, SceneInfo};
 use anyhow::{Context, Result};
 use niwaki_render::{PathSettings, PathTracer, ToneCurve, traversal_heat_map};
 use niwaki_scene::Scene;
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use std::path::Path;
 
 /// Width and height.
@@ -14,7 +14,7 @@ const SIZE: (u32, u32) = (560, 315);
 /// Renders both pictures into a folder and notes them in `info`.
 pub(crate) fn render(
     scene: &Scene,
-    wide: &WideScene,
+    wide: &AutoScene,
     builder: &str,
     samples: u32,
     folder: &Path,

@@ -1,10 +1,11 @@
 //! Timing traversal.
 
 use super::builds::Built;
-use super::engines::{Answers, CHUNK, Engine, layouts, ours, own, own_structures};
+use super::engines::{Answers, CHUNK, Engine, ours, own, own_structures};
 use super::rays::{RaySet, blocks_of};
 use super::timing::{Effort, in_turns, median};
 use super::{Group, Method};
+use crate::kernel::TraceKernel;
 use crate::machine;
 use crate::results::TraceRow;
 use niwaki_trace::Counts;
@@ -28,7 +29,7 @@ pub(crate) fn measure(
     let mut rows = Vec::new();
     let mut rest = trees.into_iter().peekable();
     let mut batch = 0;
-    let layouts = layouts(&method.kernels).len();
+    let layouts = TraceKernel::by_layout(&method.kernels).len();
     while rest.peek().is_some() {
         // What fits into half of the free memory is measured in turns; on most machines and
         // scenes that is everything.

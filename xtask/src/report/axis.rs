@@ -21,9 +21,9 @@ impl LogAxis {
         if low > high {
             return Self::exactly(0.1..10.0);
         }
-        // Less than a factor of two would stretch noise over the whole plot.
+        // Less than this factor would stretch noise over the whole plot.
         let (low, high) = (low.ln(), high.ln());
-        let missing = (std::f64::consts::LN_2 - (high - low)).max(0.0) / 2.0;
+        let missing = (1.5f64.ln() - (high - low)).max(0.0) / 2.0;
         let (low, high) = (low - missing, high + missing);
         let margin = margin * (high - low);
         Self::exactly((low - margin).exp()..(high + margin).exp())

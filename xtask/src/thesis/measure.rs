@@ -14,7 +14,7 @@ use niwaki_build_bonsai::Bonsai;
 use niwaki_core::{Builder, SahConstants};
 use niwaki_metrics::sah;
 use niwaki_scene::Scene;
-use niwaki_trace::WideScene;
+use niwaki_trace::AutoScene;
 use serde::Serialize;
 use std::time::Duration;
 
@@ -179,7 +179,7 @@ pub(crate) fn measure(
 }
 
 fn record(scene: &Scene, settings: Settings) -> Result<Vec<RaySet>> {
-    let wide = WideScene::new(&rays::recorder().build_mesh(&scene.mesh)?, &scene.mesh)?;
+    let wide = AutoScene::new(&rays::recorder().build_mesh(&scene.mesh)?, &scene.mesh)?;
     let names = RAY_SETS.map(|(name, _)| name.to_owned());
     Ok(rays::record(scene, &wide, &names, settings.ray_count, settings.seed))
 }

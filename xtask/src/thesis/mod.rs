@@ -68,7 +68,7 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
     if args.no_peers {
         builders.retain(|builder| builder.source() == Source::Niwaki);
     }
-    find_peers(args.peers, &mut builders, &mut run)?;
+    find_peers(args.peers, "", &mut builders, &mut run)?;
     if args.list {
         list(&plans, &builders);
         return Ok(ExitCode::SUCCESS);
@@ -87,6 +87,7 @@ pub(crate) fn run(args: &ThesisArgs) -> Result<ExitCode> {
         kernels: vec![crate::kernel::TraceKernel::best()],
         collapse: args.collapse,
         robust: false,
+        embree_config: String::new(),
         binary: Vec::new(),
         seconds: args.seconds(),
         brief: true,

@@ -160,7 +160,7 @@ mod tests {
         stand_ins.sort_unstable();
         stand_ins.dedup();
         assert_eq!(stand_ins.len(), SCENES.len());
-        assert!(generate::NAMES.iter().all(|name| stand_ins.iter().any(|s| s.0 == *name)));
+        assert!(generate::SHAPES.iter().all(|name| stand_ins.iter().any(|s| s.0 == *name)));
     }
 
     #[test]

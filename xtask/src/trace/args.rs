@@ -40,15 +40,14 @@ pub(crate) struct TraceArgs {
     #[arg(long, value_name = "NAME", default_value = "best")]
     pub(crate) builder: String,
 
-    /// scalar, avx2, avx512, binary (the reference over the binary tree) or brute (every triangle
+    /// scalar, sse42, avx2, avx512, binary (the reference over the binary tree) or brute (every triangle
     /// for every ray) [default: the fastest that this processor has]
     #[arg(long, value_name = "NAME")]
     pub(crate) kernel: Option<String>,
 
-    /// Children a node: 4, 8 or 16
-    #[arg(long, value_name = "NUMBER", default_value_t = 8,
-          value_parser = clap::value_parser!(u8).range(4..=16))]
-    pub(crate) width: u8,
+    /// Children a node: 4, 8 or 16 [default: what suits the kernel]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(4..=16))]
+    pub(crate) width: Option<u8>,
 
     /// What is guaranteed
     #[arg(long, value_enum, default_value = "watertight")]

@@ -2,7 +2,6 @@
 
 mod args;
 mod output;
-mod rays;
 
 pub(crate) use args::TraceArgs;
 
@@ -39,7 +38,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<ExitCode> {
     let choice = Choice::of(args)?;
     let builder = builder(&args.builder)?;
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
-    let rays = rays::load(&args.rays)?;
+    let rays = niwaki_ray_file::load(&args.rays)
+        .with_context(|| format!("cannot read rays from {}", args.rays.display()))?;
     let threads = args.threads.map_or_else(machine::cores, usize::from);
     let pool = pool(threads)?;
     let progress = Progress::new(3 + rays.len().div_ceil(STEP));
@@ -101,8 +101,8 @@ enum Choice {
     /// Over the binary tree.
     Binary(Mode),
     Wide {
-        width: u8,
-        kernel: Option<Kernel>,
+        width: usize,
+        kernel: Kernel,
         mode: Mode,
     },
 }
@@ -116,42 +116,34 @@ struct Traced<'a> {
 impl Choice {
     /// Checked against this processor.
     fn of(args: &TraceArgs) -> Result<Self> {
-        let (width, mode) = (args.width, args.mode);
-        ensure!(matches!(width, 4 | 8 | 16), "--width {width} must be 4, 8 or 16");
-        let name = match args.kernel.as_deref() {
-            None => return Ok(Self::Wide { width, kernel: None, mode }),
+        let mode = args.mode;
+        if let Some(width) = args.width {
+            ensure!(matches!(width, 4 | 8 | 16), "--width {width} must be 4, 8 or 16");
+        }
+        let kernel = match args.kernel.as_deref() {
             Some("brute") => return Ok(Self::Brute(mode)),
             Some("binary") => return Ok(Self::Binary(mode)),
-            Some(name) => name,
+            Some(name) => named(name)?,
+            // The fastest that traces the width.
+            None => args.width.map_or_else(Kernel::best, |width| {
+                let mut traced = Kernel::available();
+                traced.retain(|kernel| kernel.traces(width.into()));
+                traced.pop().unwrap_or(Kernel::Scalar)
+            }),
         };
-        let Some(kernel) = Kernel::ALL.into_iter().find(|kernel| kernel.name() == name) else {
-            let known = Kernel::ALL.map(Kernel::name).join(", ");
-            bail!("`{name}` is no kernel; known are {known}, binary and brute");
-        };
+        let width = args.width.map_or(kernel.best_width(), usize::from);
         ensure!(
-            kernel.is_available(),
-            "this processor lacks the instructions of the kernel {name}"
+            kernel.traces(width),
+            "the kernel {kernel} does not trace trees of {width} children a node"
         );
-        ensure!(
-            kernel.traces(width.into()),
-            "the kernel {name} does not trace trees of {width} children a node"
-        );
-        Ok(Self::Wide { width, kernel: Some(kernel), mode })
+        Ok(Self::Wide { width, kernel, mode })
     }
 
     fn describe(self) -> String {
         match self {
             Self::Brute(_) => "brute force".into(),
             Self::Binary(_) => "binary".into(),
-            Self::Wide { width, kernel, .. } => {
-                let best = || match width {
-                    4 => WideScene::<4>::kernels().pop(),
-                    8 => WideScene::<8>::kernels().pop(),
-                    _ => WideScene::<16>::kernels().pop(),
-                };
-                let kernel = kernel.or_else(best).unwrap_or(Kernel::Scalar);
-                format!("{kernel}, {width} wide")
-            }
+            Self::Wide { width, kernel, .. } => format!("{kernel}, {width} wide"),
         }
     }
 
@@ -187,7 +179,7 @@ impl Choice {
 fn wide<const W: usize>(
     bvh: &Bvh,
     mesh: &TriangleMesh,
-    kernel: Option<Kernel>,
+    kernel: Kernel,
     mode: Mode,
 ) -> Result<Box<dyn Intersector + Send>>
 where
@@ -195,10 +187,17 @@ where
 {
     let wide = WideBvh::<W>::collapse(bvh, &CollapseSettings::default())?;
     let scene = WideScene::build_in(mode.of_scene(), wide, mesh)?;
-    Ok(Box::new(match kernel {
-        Some(kernel) => scene.with_kernel(kernel)?,
-        None => scene,
-    }))
+    Ok(Box::new(scene.with_kernel(kernel)?))
+}
+
+/// The kernel of a name, if this processor can run it.
+fn named(name: &str) -> Result<Kernel> {
+    let Some(kernel) = Kernel::ALL.into_iter().find(|kernel| kernel.name() == name) else {
+        let known = Kernel::ALL.map(Kernel::name).join(", ");
+        bail!("`{name}` is no kernel; known are {known}, binary and brute");
+    };
+    ensure!(kernel.is_available(), "this processor lacks the instructions of the kernel {name}");
+    Ok(kernel)
 }
 
 /// Answers all rays, on all threads of the pool. Returns the seconds of each pass: one, or as many
@@ -271,6 +270,10 @@ mod tests {
         assert_eq!(lines.len(), 4, "{expected}");
         assert!(!lines[1].ends_with("-1") && lines[3] == "inf,0.0,0.0,-1", "{expected}");
         assert_eq!(trace(&["--kernel", "binary"]), expected);
+        assert_eq!(trace(&[]), expected);
+        for kernel in Kernel::available() {
+            assert_eq!(trace(&["--kernel", kernel.name()]), expected, "{kernel}");
+        }
         for width in ["4", "8", "16"] {
             assert_eq!(trace(&["--width", width]), expected, "{width} wide");
             assert_eq!(trace(&["--width", width, "--kernel", "scalar"]), expected, "{width} wide");

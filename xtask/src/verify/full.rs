@@ -63,7 +63,7 @@ pub(crate) fn run(
     mut progress: impl FnMut(&str),
 ) -> anyhow::Result<()> {
     let mesh = &scene.mesh;
-    let recorder = niwaki_trace::WideScene::new(&builders[0].build_mesh(mesh)?, mesh)?;
+    let recorder = niwaki_trace::AutoScene::new(&builders[0].build_mesh(mesh)?, mesh)?;
     progress("recording rays");
     let rays = rays(scene, &recorder, options);
     drop(recorder);

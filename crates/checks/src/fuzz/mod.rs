@@ -9,6 +9,7 @@ mod builders;
 mod bytes;
 mod files;
 mod kernels;
+mod rays;
 mod scenes;
 mod tree_file;
 mod world;
@@ -26,7 +27,8 @@ pub struct Target {
 }
 
 /// Every target.
-pub const ALL: [Target; 7] = [OBJ, GLTF, TREE_FILE, FORGED_TREE, BUILDERS, KERNELS, BATCHES];
+pub const ALL: [Target; 8] =
+    [OBJ, GLTF, TREE_FILE, FORGED_TREE, RAY_FILE, BUILDERS, KERNELS, BATCHES];
 
 /// OBJ text, behind its first NUL byte the text of its material library; or, if they begin like
 /// that, zstd frames of OBJ text.
@@ -43,6 +45,9 @@ pub const TREE_FILE: Target =
 /// checksums is reached.
 pub const FORGED_TREE: Target =
     Target { name: "forged_tree", check: tree_file::forged, seeds: tree_file::forged_seeds };
+
+/// A ray file, read as text and as records.
+pub const RAY_FILE: Target = Target { name: "ray_file", check: rays::check, seeds: rays::seeds };
 
 /// Every builder on triangles and boxes of any bits.
 pub const BUILDERS: Target =

@@ -261,9 +261,9 @@ impl HybridRenderer {
         scenery: &Scenery,
         views: &Views,
     ) -> Result<(), HybridError> {
-        let alpha = scenery.variant.alpha;
+        let variant = scenery.variant;
         let layout = &self.uploaded.layout;
-        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Shadow, alpha)?;
+        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Shadow, variant)?;
         recorder.stage(Stage::Effect(Effect::ShadowMaps), |encoder| {
             let mut draws = 0;
             let all = scenery.lights.iter().flat_map(|l| &l.views);
@@ -294,9 +294,9 @@ impl HybridRenderer {
         scenery: &Scenery,
         views: &Views,
     ) -> Result<(), HybridError> {
-        let alpha = scenery.variant.alpha;
+        let variant = scenery.variant;
         let layout = &self.uploaded.layout;
-        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Primary, alpha)?;
+        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Primary, variant)?;
         let Some(screen) = &self.screen else { return Ok(()) };
         let runs = scenery.plan.runs(Effect::PrimaryView);
         let shown = scenery.plan.visible.iter().copied().filter(|_| runs);
@@ -327,9 +327,9 @@ impl HybridRenderer {
         views: &Views,
         face: Face,
     ) -> Result<(), HybridError> {
-        let alpha = scenery.variant.alpha;
+        let variant = scenery.variant;
         let layout = &self.uploaded.layout;
-        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Face, alpha)?;
+        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Face, variant)?;
         let i = face.index();
         recorder.stage(Stage::Effect(Effect::CubeFace(face)), |encoder| {
             let shown = scenery.plan.in_faces[i].iter().copied();

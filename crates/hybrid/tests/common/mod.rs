@@ -10,10 +10,17 @@ use niwaki_hybrid::{Frame, Gpu, HybridError, HybridRenderer, Settings};
 use niwaki_render::{Image, ToneCurve, Whitted, WhittedSettings, metrics};
 use niwaki_scene::{Camera, Environment, Light, LightKind, Material, Scene};
 use niwaki_trace::WideScene;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The device; `None` where there is none, unless `NIWAKI_REQUIRE_VULKAN` asks for one.
+/// One for all tests of a file, as kernels are compiled once a device.
 pub(crate) fn gpu() -> Option<Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    GPU.get_or_init(open).clone()
+}
+
+/// A device of its own.
+pub(crate) fn open() -> Option<Gpu> {
     match Gpu::new() {
         Ok(gpu) => Some(gpu),
         Err(error @ HybridError::NoAdapter(_)) => {

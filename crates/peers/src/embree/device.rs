@@ -39,7 +39,8 @@ pub struct EmbreeSettings {
     /// that live at the time, so drop a device before making one with fewer threads.
     pub threads: usize,
     /// More of Embree's device configuration, such as `max_isa=avx2`, passed on as it is
-    /// (`rtcNewDevice`); empty by default.
+    /// (`rtcNewDevice`); empty by default. **Embree drops what it does not understand**, and takes
+    /// an unknown instruction set for SSE2, so look at [`Embree::vector_width`].
     pub config: String,
 }
 
@@ -109,6 +110,21 @@ impl Embree {
     #[must_use]
     pub fn version(&self) -> EmbreeVersion {
         self.device.version
+    }
+
+    /// The floats of the widest vectors that the device computes with: 16 is AVX-512, 8 is AVX or
+    /// AVX2, 4 is SSE or NEON. `None` where the library was compiled without ray packets, since
+    /// their native size is where Embree tells this.
+    #[must_use]
+    pub fn vector_width(&self) -> Option<u32> {
+        [
+            (16, ffi::PROPERTY_NATIVE_RAY16_SUPPORTED),
+            (8, ffi::PROPERTY_NATIVE_RAY8_SUPPORTED),
+            (4, ffi::PROPERTY_NATIVE_RAY4_SUPPORTED),
+        ]
+        .into_iter()
+        .find(|&(_, id)| self.device.property(id) != 0)
+        .map(|(width, _)| width)
     }
 
     /// The name or path that was opened.
@@ -233,6 +249,12 @@ impl Device {
             (api.set_device_error_function)(handle, Some(keep_message), message.cast_mut().cast());
         }
         Ok(device)
+    }
+
+    /// A property of the device.
+    fn property(&self, id: c_int) -> isize {
+        // SAFETY: a live device and a documented property of both versions.
+        unsafe { (self.api.get_device_property)(self.handle, id) }
     }
 
     /// The error that Embree noted on this thread since the last look, as a `Result`.

@@ -17,6 +17,9 @@ pub(crate) const INVALID_ID: u32 = u32::MAX;
 pub(crate) const PROPERTY_VERSION_MAJOR: c_int = 1;
 pub(crate) const PROPERTY_VERSION_MINOR: c_int = 2;
 pub(crate) const PROPERTY_VERSION_PATCH: c_int = 3;
+pub(crate) const PROPERTY_NATIVE_RAY4_SUPPORTED: c_int = 32;
+pub(crate) const PROPERTY_NATIVE_RAY8_SUPPORTED: c_int = 33;
+pub(crate) const PROPERTY_NATIVE_RAY16_SUPPORTED: c_int = 34;
 // RTCGeometryType, RTCBufferType, RTCFormat
 pub(crate) const GEOMETRY_TYPE_TRIANGLE: c_int = 0;
 pub(crate) const BUFFER_TYPE_INDEX: c_int = 0;

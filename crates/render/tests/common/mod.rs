@@ -8,7 +8,13 @@ use niwaki_core::{
 };
 use niwaki_render::{Image, PathSettings, PathTracer, RenderStats};
 use niwaki_scene::{Camera, Environment, Material, Scene};
+<<<<<<< HEAD
 use niwaki_trace::{BruteForce, Mode, WideScene};
+=======
+use niwaki_scene::{AlphaMode, Camera, Dropped, Environment, Material, Scene};
+use niwaki_trace::{BruteForce, Mode, WideScene};
+use proptest::prelude::*;
+>>>>>>> main
 
 /// Answers rays by testing every triangle.
 pub(crate) fn brute(mesh: &TriangleMesh) -> BruteForce<'_> {
@@ -165,4 +171,30 @@ pub(crate) fn mean_and_error(image: &Image) -> (f64, f64) {
 /// One triangle as a mesh.
 pub(crate) fn single(triangle: Triangle) -> TriangleMesh {
     TriangleMesh::from_triangles(&[triangle]).unwrap()
+}
+
+/// Materials of every kind, extremes included.
+pub(crate) fn any_material() -> impl Strategy<Value = Material> {
+    let color = || prop::array::uniform3(0.0_f32..=1.0).prop_map(Vec3::from);
+    let unit = || prop_oneof![Just(0.0_f32), Just(1.0), 0.0_f32..=1.0];
+    let alpha_mode = prop_oneof![
+        Just(AlphaMode::Opaque),
+        unit().prop_map(AlphaMode::Mask),
+        Just(AlphaMode::Blend)
+    ];
+    (color(), unit(), unit(), unit(), 1.0_f32..2.5, color(), alpha_mode, unit()).prop_map(
+        |(base_color, metallic, roughness, transmission, ior, absorption, alpha_mode, alpha)| {
+            Material {
+                base_color,
+                metallic,
+                roughness,
+                transmission,
+                ior,
+                absorption,
+                alpha_mode,
+                alpha,
+                ..Material::default()
+            }
+        },
+    )
 }

@@ -6,7 +6,7 @@ use super::{
     piece::{Budget, Patch, Plan, Wrap, cells},
     random::Random,
 };
-use crate::{Camera, Environment, Light, LightKind, Material};
+use crate::{Camera, Environment, Light, LightKind, Material, Motion, Rigid, Wave};
 use glam::{DMat3, DVec3, Vec3};
 use niwaki_core::to_u32;
 use std::f64::consts::FRAC_PI_2;
@@ -40,9 +40,24 @@ fn materials() -> Vec<Material> {
     ]
 }
 
+/// What of the furniture a scene wants.
+pub(super) struct Furniture {
+    /// Vases of brass and glass along the court.
+    pub(super) vases: bool,
+    /// Draperies that move in the wind, each an object.
+    pub(super) waving: bool,
+}
+
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let camera =
         Camera::look_at(Vec3::new(-12.5, 2.2, -1.2), Vec3::new(6.0, 3.2, 1.0), Vec3::Y, 1.1);
+    let mut plan = begin(camera);
+    furnish(&mut plan, triangles, seed, &Furniture { vases: true, waving: false });
+    plan
+}
+
+/// Materials and light without any triangle.
+pub(super) fn begin(camera: Camera) -> Plan {
     let mut plan = Plan::new(materials(), camera, Environment::DAYLIGHT);
     plan.lights.push(Light {
         kind: LightKind::Directional,
@@ -50,6 +65,17 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         direction: Vec3::new(0.25, -0.9, 0.2).normalize(),
         intensity: Vec3::splat(3.0),
     });
+    plan
+}
+
+/// Adds the building of about `triangles` triangles, of materials in the order of [`begin`];
+/// returns how many it has.
+pub(super) fn furnish(
+    plan: &mut Plan,
+    triangles: usize,
+    seed: u64,
+    furniture: &Furniture,
+) -> usize {
     plan.piece(WALL, shell);
     plan.piece(FLOOR, || {
         let mut patch = Patch::default();
@@ -57,7 +83,8 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         patch.quad([[-x, z], [x, z], [x, -z], [-x, -z]].map(|[x, z]| DVec3::new(x, 0.0, z)));
         patch
     });
-    let mut budget = Budget::new(triangles - SHELL_TRIANGLES - 2, 1.0);
+    let total = triangles.saturating_sub(SHELL_TRIANGLES + 2);
+    let mut budget = Budget::new(total, 1.0);
     // Few, coarser pieces for small requests.
     let spans = (triangles / 4000).clamp(1, 8);
     let posts = posts(spans);
@@ -67,41 +94,54 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         for &[x, z] in &posts {
             let foot = DVec3::new(x, f64::from(storey) * STOREY, z);
             let share = budget.share(0.40 / (2.0 * details));
-            budget.spend(column(&mut plan, share, foot));
+            budget.spend(column(plan, COLUMN, share, foot));
         }
         let arches = arches(spans);
         for &(from, to) in &arches {
             let base = f64::from(storey) * STOREY + 3.4;
             let share = budget.share(0.22 / (2.0 * arches.len() as f64));
-            budget.spend(arch(&mut plan, share, from, to, base));
+            budget.spend(arch(plan, ARCH, share, from, to, base));
         }
     }
     for i in 0..spans {
         let share = budget.share(0.26 / spans as f64);
         let x = COURT[0] * (2.0 * (i as f64 + 0.5) / spans as f64 - 1.0);
         let z = if i % 2 == 0 { COURT[1] } else { -COURT[1] };
-        budget.spend(drapery(
-            &mut plan,
-            share,
-            DVec3::new(x, 9.2, z),
-            4 + to_u32(i % 2),
-            &mut random,
-        ));
+        let top = DVec3::new(x, 9.2, z);
+        if furniture.waving {
+            plan.object("drapery", Motion { rigid: Rigid::Rest, wave: Some(wind(top, i)) });
+        }
+        budget.spend(drapery(plan, share, top, 4 + to_u32(i % 2), &mut random));
+        plan.end_object();
     }
-    let vases = spans.min(5);
+    let vases = if furniture.vases { spans.min(5) } else { 0 };
     for i in 0..vases {
         let share = budget.share(0.08 / vases as f64);
         let x = COURT[0] * (1.6 * (i as f64 + 0.5) / vases as f64 - 0.8);
         let material = [BRASS, GLASS][i % 2];
-        budget.spend(vase(&mut plan, share, DVec3::new(x, 0.0, random.range(-1.5, 1.5)), material));
+        budget.spend(vase(plan, share, DVec3::new(x, 0.0, random.range(-1.5, 1.5)), material));
     }
-    let left = budget.share(1.0);
+    // Without vases their triangles go to the lamp, which has enough: they are left.
+    let left = if furniture.vases { budget.share(1.0) } else { budget.share(0.25) };
     let size = cells(left, 2.0, [3, 2]);
-    plan.grid(LAMP, size, Wrap::U, |u, v| {
+    budget.spend(plan.grid(LAMP, size, Wrap::U, |u, v| {
         let (sin, cos) = sin_cos_turns(0.5 * v);
         DVec3::new(0.0, 8.2, 0.0) + (circle(-u) * sin - DVec3::Y * cos) * 0.35
-    });
-    plan
+    }));
+    total - budget.left() + SHELL_TRIANGLES + 2
+}
+
+/// Wind in a drapery of 4.4 metres that hangs from `top`.
+fn wind(top: DVec3, number: usize) -> Wave {
+    let out = if top.z > 0.0 { -0.22 } else { 0.22 };
+    Wave {
+        displacement: Vec3::new(0.0, 0.02, out),
+        wave: Vec3::new(0.15, -0.28, 0.0),
+        frequency: 0.6,
+        phase: [0.0, 0.37, 0.71][number % 3],
+        hold: Vec3::new(0.0, -1.0 / 4.4, 0.0),
+        hold_offset: 9.2 / 4.4,
+    }
 }
 
 const SHELL_TRIANGLES: usize = 12 * 8;
@@ -155,8 +195,8 @@ fn arches(spans: usize) -> Vec<([f64; 2], [f64; 2])> {
 }
 
 /// A fluted column with base and capital.
-fn column(plan: &mut Plan, share: usize, foot: DVec3) -> usize {
-    plan.grid(COLUMN, cells(share, 1.2, [5, 2]), Wrap::U, move |u, v| {
+pub(super) fn column(plan: &mut Plan, material: u32, share: usize, foot: DVec3) -> usize {
+    plan.grid(material, cells(share, 1.2, [5, 2]), Wrap::U, move |u, v| {
         let ends = smoothstep(0.12, 0.04, v) + smoothstep(0.86, 0.97, v);
         let (_, flute) = sin_cos_turns(16.0 * u);
         let (_, ring) = sin_cos_turns(6.0 * v.min(0.1) / 0.1);
@@ -168,7 +208,14 @@ fn column(plan: &mut Plan, share: usize, foot: DVec3) -> usize {
 }
 
 /// A round arch of square section with moulded edges, over the gap between two columns.
-fn arch(plan: &mut Plan, share: usize, from: [f64; 2], to: [f64; 2], base: f64) -> usize {
+pub(super) fn arch(
+    plan: &mut Plan,
+    material: u32,
+    share: usize,
+    from: [f64; 2],
+    to: [f64; 2],
+    base: f64,
+) -> usize {
     let a = DVec3::new(from[0], base, from[1]);
     let b = DVec3::new(to[0], base, to[1]);
     let along = (b - a).normalize();
@@ -176,7 +223,7 @@ fn arch(plan: &mut Plan, share: usize, from: [f64; 2], to: [f64; 2], base: f64) 
     let half = (b - a).length() * 0.5;
     let middle = (a + b) * 0.5;
     let rise = 1.1;
-    plan.grid(ARCH, cells(share, 0.7, [4, 2]), Wrap::U, move |u, v| {
+    plan.grid(material, cells(share, 0.7, [4, 2]), Wrap::U, move |u, v| {
         let (sin, cos) = sin_cos_turns(0.5 * v);
         // The section is a superellipse-like square, swept along half an ellipse.
         let c = circle(-u);
@@ -192,7 +239,13 @@ fn arch(plan: &mut Plan, share: usize, from: [f64; 2], to: [f64; 2], base: f64) 
 }
 
 /// A cloth that hangs from a rod, in folds that widen downward.
-fn drapery(plan: &mut Plan, share: usize, top: DVec3, material: u32, random: &mut Random) -> usize {
+pub(super) fn drapery(
+    plan: &mut Plan,
+    share: usize,
+    top: DVec3,
+    material: u32,
+    random: &mut Random,
+) -> usize {
     let seed = random.next_u64();
     let phase = random.unit();
     let width = random.range(1.2, 1.7);

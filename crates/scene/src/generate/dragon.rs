@@ -10,7 +10,7 @@ use crate::{Camera, Environment, Light, LightKind, Material};
 use glam::{DVec3, Vec3};
 
 /// Length of the knot over the circumference of the body.
-const ASPECT: f64 = 11.0;
+pub(super) const ASPECT: f64 = 11.0;
 
 /// The (2, 3) torus knot, standing on the ground.
 fn knot(t: f64) -> DVec3 {
@@ -34,18 +34,21 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
         intensity: Vec3::splat(2.5),
     });
     let size = cells(triangles, ASPECT, [8, 3]);
-    plan.grid(0, size, Wrap::Both, move |u, v| {
-        let center = knot(u);
-        // The serpent is thick in the middle of its length and thin where tail meets head.
-        let (_, swell) = sin_cos_turns(u);
-        let body = 0.17 - 0.045 * swell;
-        let plain = tube(center, tangent(knot, u), DVec3::Y, v, body);
-        // Scales, then folds of the skin. Both are functions of the place, so the seam closes.
-        let (along, _) = sin_cos_turns(90.0 * u);
-        let (around, _) = sin_cos_turns(9.0 * v);
-        let folds = turbulence(plain * 9.0, seed);
-        let displaced = body * (1.0 + 0.05 * along * around + 0.12 * folds);
-        center + (plain - center) * (displaced / body)
-    });
+    plan.grid(0, size, Wrap::Both, move |u, v| surface(u, v, seed));
     plan
+}
+
+/// The serpent: along the knot, and around the body. It is 1.2 tall and 3.2 wide, and closed.
+pub(super) fn surface(u: f64, v: f64, seed: u64) -> DVec3 {
+    let center = knot(u);
+    // The serpent is thick in the middle of its length and thin where tail meets head.
+    let (_, swell) = sin_cos_turns(u);
+    let body = 0.17 - 0.045 * swell;
+    let plain = tube(center, tangent(knot, u), DVec3::Y, v, body);
+    // Scales, then folds of the skin. Both are functions of the place, so the seam closes.
+    let (along, _) = sin_cos_turns(90.0 * u);
+    let (around, _) = sin_cos_turns(9.0 * v);
+    let folds = turbulence(plain * 9.0, seed);
+    let displaced = body * (1.0 + 0.05 * along * around + 0.12 * folds);
+    center + (plain - center) * (displaced / body)
 }

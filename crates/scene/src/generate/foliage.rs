@@ -20,7 +20,7 @@ const BRASS: u32 = 6;
 const LAMP: u32 = 7;
 
 /// Half the side of the yard in metres.
-const YARD: f64 = 14.0;
+pub(super) const YARD: f64 = 14.0;
 
 pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let matte = |name, r, g, b| Material::matte(name, Vec3::new(r, g, b));
@@ -78,7 +78,7 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
 }
 
 /// Four walls of boxes around the yard.
-fn walls() -> Patch {
+pub(super) fn walls() -> Patch {
     let mut patch = Patch::default();
     for (x, z) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
         let center = DVec3::new(x * (YARD + 0.2), 2.5, z * (YARD + 0.2));
@@ -109,7 +109,7 @@ impl Branch {
 }
 
 /// A tree of about `share` triangles: a fifth wood, the rest leaves of two triangles.
-fn tree(plan: &mut Plan, share: usize, place: DVec3, random: &mut Random) -> usize {
+pub(super) fn tree(plan: &mut Plan, share: usize, place: DVec3, random: &mut Random) -> usize {
     const AROUND: usize = 6;
     const STEPS: usize = 4;
     let wanted = (share / 5 / (2 * AROUND * STEPS)).max(1);

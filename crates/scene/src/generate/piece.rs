@@ -1,12 +1,12 @@
 //! Pieces that scenes are put together from, evaluated in parallel and joined in order.
 
-use super::math::whole;
+use super::{math::whole, shade::shade};
 use crate::{
     Animation, Camera, CameraPath, Dropped, Environment, Light, Material, Motion, Object, Scene,
     object::bounds_of,
 };
 use glam::{DMat3, DVec3, Vec3};
-use niwaki_core::{TriangleMesh, to_u32};
+use niwaki_core::{Aabb, TriangleMesh, to_u32};
 use rayon::prelude::*;
 
 /// Vertices and triangles of one piece.
@@ -14,6 +14,8 @@ use rayon::prelude::*;
 pub(super) struct Patch {
     pub(super) positions: Vec<Vec3>,
     pub(super) indices: Vec<[u32; 3]>,
+    /// Unit normals, one a vertex, or none.
+    pub(super) normals: Vec<Vec3>,
 }
 
 impl Patch {
@@ -78,14 +80,28 @@ type Emit = Box<dyn Fn() -> Patch + Send + Sync>;
 /// Triangles of one material.
 struct Piece {
     material: u32,
+    /// Index of its object; without, it is one by itself.
+    object: Option<usize>,
+    /// As for [`shade`].
+    crease: Option<f64>,
     emit: Emit,
 }
+
+/// The cosine of the angle from which on an edge between two triangles is to be seen as one.
+pub(super) const EDGES: f64 = 0.6;
+/// No edge is to be seen.
+pub(super) const ROUND: f64 = -1.0;
 
 /// Everything that a generator decides before the vertices are computed.
 pub(super) struct Plan {
     pieces: Vec<Piece>,
-    /// Name and motion of each object, and its first piece. Without any, each piece is one.
-    objects: Vec<(String, Motion, usize)>,
+    /// Name and motion of each object.
+    objects: Vec<(String, Motion)>,
+    /// To which the pieces that follow belong.
+    object: Option<usize>,
+    /// The cosine of the angle from which on edges of the pieces that follow show as such; `None`
+    /// gives them no shading normals, unless other pieces have some.
+    pub(super) crease: Option<f64>,
     pub(super) path: Option<CameraPath>,
     /// Seconds of motion.
     pub(super) duration: f64,
@@ -108,6 +124,8 @@ impl Plan {
         Self {
             pieces: Vec::new(),
             objects: Vec::new(),
+            object: None,
+            crease: None,
             path: None,
             duration: f64::from(CameraPath::FRAMES) / 30.0,
             materials,
@@ -117,10 +135,15 @@ impl Plan {
         }
     }
 
-    /// Begins an object, to which the pieces that follow belong. The first must begin before any
-    /// piece is added.
+    /// Begins an object, to which the pieces that follow belong.
     pub(super) fn object(&mut self, name: &str, motion: Motion) {
-        self.objects.push((name.into(), motion, self.pieces.len()));
+        self.object = Some(self.objects.len());
+        self.objects.push((name.into(), motion));
+    }
+
+    /// Ends the object: each piece that follows is one by itself, named after its material.
+    pub(super) const fn end_object(&mut self) {
+        self.object = None;
     }
 
     /// Adds a piece that `emit` computes; it must be a pure function.
@@ -129,7 +152,12 @@ impl Plan {
         material: u32,
         emit: impl Fn() -> Patch + Send + Sync + 'static,
     ) {
-        self.pieces.push(Piece { material, emit: Box::new(emit) });
+        self.pieces.push(Piece {
+            material,
+            object: self.object,
+            crease: self.crease,
+            emit: Box::new(emit),
+        });
     }
 
     /// Adds `nu` × `nv` cells of two triangles over the unit square mapped by `f`; returns how
@@ -146,49 +174,60 @@ impl Plan {
     }
 
     /// Computes all pieces on the current rayon pool and joins them in the order they were added.
-    pub(super) fn into_scene(mut self, name: &str) -> Scene {
-        if self.objects.is_empty() {
-            let names =
-                self.pieces.iter().map(|p| self.materials[p.material as usize].name.clone());
-            self.objects =
-                names.enumerate().map(|(i, name)| (name, Motion::default(), i)).collect();
-        }
-        let patches: Vec<Patch> = self.pieces.par_iter().map(|piece| (piece.emit)()).collect();
-        let mut positions = Vec::with_capacity(patches.iter().map(|p| p.positions.len()).sum());
+    pub(super) fn into_scene(self, name: &str) -> Scene {
+        let shaded = self.pieces.iter().any(|piece| piece.crease.is_some());
+        let emit = |piece: &Piece| {
+            let mut patch = (piece.emit)();
+            if shaded {
+                shade(&mut patch, piece.crease.unwrap_or(EDGES));
+            }
+            patch
+        };
+        let patches: Vec<Patch> = self.pieces.par_iter().map(emit).collect();
+        let vertices = patches.iter().map(|p| p.positions.len()).sum();
+        let mut positions = Vec::with_capacity(vertices);
+        let mut normals = Vec::with_capacity(if shaded { vertices } else { 0 });
         let triangles = patches.iter().map(|p| p.indices.len()).sum();
         let mut indices = Vec::with_capacity(triangles);
         let mut material_ids = Vec::with_capacity(triangles);
-        // Where each piece begins.
-        let mut starts = Vec::with_capacity(patches.len() + 1);
+        let mut objects: Vec<Object> = Vec::with_capacity(self.objects.len());
+        let mut motions = Vec::with_capacity(self.objects.len());
+        let mut last = None;
         for (patch, piece) in patches.into_iter().zip(&self.pieces) {
-            let base = to_u32(positions.len());
-            starts.push((to_u32(indices.len()), base));
+            let (triangle, base) = (to_u32(indices.len()), to_u32(positions.len()));
             positions.extend_from_slice(&patch.positions);
+            normals.extend_from_slice(&patch.normals);
             indices.extend(patch.indices.iter().map(|t| t.map(|i| i + base)));
             material_ids.resize(indices.len(), piece.material);
+            if last.replace(piece.object) != Some(piece.object) || piece.object.is_none() {
+                let known = piece.object.and_then(|i| self.objects.get(i)).cloned();
+                let (name, motion) = known.unwrap_or_else(|| {
+                    (self.materials[piece.material as usize].name.clone(), Motion::default())
+                });
+                objects.push(Object {
+                    name,
+                    triangles: triangle..triangle,
+                    vertices: base..base,
+                    bounds: Aabb::EMPTY,
+                    dynamic: !motion.is_rest(),
+                });
+                motions.push(motion);
+            }
+            if let Some(object) = objects.last_mut() {
+                object.triangles.end = to_u32(indices.len());
+                object.vertices.end = to_u32(positions.len());
+            }
         }
-        let end = (to_u32(indices.len()), to_u32(positions.len()));
         let mesh = TriangleMesh::new(positions, indices)
             .expect("generators stay within moderate coordinates and number their own vertices");
-        let start = |piece: usize| starts.get(piece).copied().unwrap_or(end);
-        let next = self.objects.iter().skip(1).map(|o| o.2).chain([self.pieces.len()]);
-        let object = |((name, motion, first), next): (&(String, Motion, usize), usize)| {
-            let (from, to) = (start(*first), start(next));
-            Object {
-                name: name.clone(),
-                triangles: from.0..to.0,
-                vertices: from.1..to.1,
-                bounds: bounds_of(&mesh, from.0..to.0),
-                dynamic: !motion.is_rest(),
-            }
-        };
-        let objects: Vec<Object> = self.objects.iter().zip(next).map(object).collect();
-        let motions: Vec<Motion> = self.objects.into_iter().map(|(_, motion, _)| motion).collect();
+        for object in &mut objects {
+            object.bounds = bounds_of(&mesh, object.triangles.clone());
+        }
         let moves = motions.iter().any(|motion| !motion.is_rest());
         let mut scene = Scene {
             name: name.into(),
             mesh,
-            normals: Vec::new(),
+            normals,
             uvs: Vec::new(),
             material_ids,
             materials: self.materials,
@@ -204,6 +243,49 @@ impl Plan {
         scene.derive_thickness();
         scene
     }
+}
+
+/// A closed surface from pole to pole: `nu` sides, `nv` steps from `f(0, 0)` to `f(0, 1)`, and
+/// 2 · `nu` · (`nv` − 1) triangles. Faces outward if u turns clockwise seen from the upper pole.
+pub(super) fn capped([nu, nv]: [usize; 2], f: &(impl Fn(f64, f64) -> DVec3 + Sync)) -> Patch {
+    let rings = nv - 1;
+    let mut positions = vec![Vec3::ZERO; nu * rings];
+    positions.par_chunks_mut(nu).with_min_len(4096_usize.div_ceil(nu)).enumerate().for_each(
+        |(j, ring)| {
+            for (i, p) in ring.iter_mut().enumerate() {
+                *p = f(i as f64 / nu as f64, (j + 1) as f64 / nv as f64).as_vec3();
+            }
+        },
+    );
+    let (low, high) = (to_u32(positions.len()), to_u32(positions.len() + 1));
+    positions.extend([f(0.0, 0.0), f(0.0, 1.0)].map(|p| p.as_vec3()));
+    let mut indices = Vec::with_capacity(2 * nu * rings);
+    for j in 0..=rings {
+        for i in 0..nu {
+            let next = (i + 1) % nu;
+            let at = |ring: usize, i: usize| to_u32((ring - 1) * nu + i);
+            if j == 0 {
+                indices.push([low, at(1, next), at(1, i)]);
+            } else if j == rings {
+                indices.push([at(j, i), at(j, next), high]);
+            } else {
+                let [a, b, c, d] = [at(j, i), at(j, next), at(j + 1, next), at(j + 1, i)];
+                indices.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+    }
+    Patch { positions, indices, normals: Vec::new() }
+}
+
+/// Sides and steps of [`capped`] with about `triangles` triangles and `aspect` sides a step.
+pub(super) fn caps(triangles: usize, aspect: f64, least: [usize; 2]) -> [usize; 2] {
+    let [nu, rings] = cells(triangles, aspect, [least[0], least[1] - 1]);
+    [nu, rings + 1]
+}
+
+/// How many triangles [`capped`] makes.
+pub(super) const fn capped_len([nu, nv]: [usize; 2]) -> usize {
+    2 * nu * (nv - 1)
 }
 
 /// A mapped grid; rows are computed in parallel.
@@ -228,7 +310,7 @@ fn grid(nu: usize, nv: usize, wrap: Wrap, f: &(impl Fn(f64, f64) -> DVec3 + Sync
             *pair = [[a, b, c], [a, c, d]];
         }
     });
-    Patch { positions, indices }
+    Patch { positions, indices, normals: Vec::new() }
 }
 
 /// Cells of a grid of about `triangles` triangles with `aspect` columns a row, at least `least`.

@@ -98,6 +98,9 @@ const WRAP_MIRROR = 1u;
 @group(0) @binding(5) var<storage, read> texture_infos: array<TextureInfo>;
 @group(0) @binding(6) var atlas: texture_2d_array<f32>;
 
+// Whether any material looks up a texture.
+override TEXTURES: bool = true;
+
 fn srgb_to_linear(c: vec3f) -> vec3f {
     let low = c / 12.92;
     let high = pow((c + 0.055) / 1.055, vec3f(2.4));
@@ -128,7 +131,7 @@ fn texel(info: TextureInfo, x: i32, y: i32) -> vec4f {
 
 // Twin of niwaki_scene::Texture::sample: bilinear, without levels. Ones without a texture.
 fn sample_texture(index: i32, uv: vec2f) -> vec4f {
-    if index < 0 {
+    if !TEXTURES || index < 0 {
         return vec4f(1.0);
     }
     let info = texture_infos[index];
@@ -138,12 +141,13 @@ fn sample_texture(index: i32, uv: vec2f) -> vec4f {
     let base = floor(place);
     let f = place - base;
     let p = vec2i(base);
-    let a = texel(info, p.x, p.y);
-    let b = texel(info, p.x + 1, p.y);
-    let c = texel(info, p.x, p.y + 1);
-    let d = texel(info, p.x + 1, p.y + 1);
-    let top = a + (b - a) * f.x;
-    let bottom = c + (d - c) * f.x;
+    // A loop, as four calls would be four copies of the code.
+    var rows = array<vec4f, 4>();
+    for (var k = 0; k < 4; k++) {
+        rows[k] = texel(info, p.x + (k & 1), p.y + (k >> 1u));
+    }
+    let top = rows[0] + (rows[1] - rows[0]) * f.x;
+    let bottom = rows[2] + (rows[3] - rows[2]) * f.x;
     return top + (bottom - top) * f.y;
 }
 

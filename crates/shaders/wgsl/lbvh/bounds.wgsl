@@ -10,9 +10,11 @@
 @group(0) @binding(3) var<storage, read_write> state: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> args: array<u32>;
 
+// Workgroups along an axis at most: what every device allows.
+override max_groups: u32 = 65535u;
+
 fn write_args(triple: u32, groups: u32) {
-    // 65535 is the least that every device allows along an axis.
-    let rows = (groups + 65534u) / 65535u;
+    let rows = (groups + max_groups - 1u) / max_groups;
     args[3u * triple] = (groups + max(rows, 1u) - 1u) / max(rows, 1u);
     args[3u * triple + 1u] = rows;
     args[3u * triple + 2u] = 1u;

@@ -9,6 +9,7 @@
 // A left part begins at its node's first place and ends at its split, so E(last), the parts begun
 // up to `last` less those ended before it, counts them. Nodes inside of merged leaves do not count.
 //!import lbvh/state
+//!import lbvh/scan
 //!import lbvh/tree
 
 @group(0) @binding(0) var<uniform> params: LbvhParams;
@@ -18,26 +19,6 @@
 @group(0) @binding(2) var<storage, read_write> ranks: array<u32>;
 // Sums of both for each tile.
 @group(0) @binding(3) var<storage, read_write> table: array<u32>;
-
-var<workgroup> sums: array<vec2<u32>, 128>;
-
-// The sum of `value` over the threads before this one; `sums[127]` holds that of all.
-fn scan_exclusive(value: vec2<u32>, thread: u32) -> vec2<u32> {
-    var sum = value;
-    sums[thread] = sum;
-    workgroupBarrier();
-    for (var by = 1u; by < TILE_THREADS; by *= 2u) {
-        var before = vec2<u32>(0u);
-        if (thread >= by) {
-            before = sums[thread - by];
-        }
-        workgroupBarrier();
-        sum += before;
-        sums[thread] = sum;
-        workgroupBarrier();
-    }
-    return sum - value;
-}
 
 // The words of a place; zeros after the last.
 fn words_at(place: u32, count: u32) -> vec2<u32> {
@@ -63,16 +44,10 @@ fn sum_tiles(
     for (var i = 0u; i < TILE_ITEMS; i++) {
         sum += words_at(tile * TILE + i * TILE_THREADS + thread, count);
     }
-    sums[thread] = sum;
-    for (var half = TILE_THREADS / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if (thread < half) {
-            sums[thread] += sums[thread + half];
-        }
-    }
+    let scan = scan_threads(sum, thread);
     if (thread == 0u && tile < tile_count(count)) {
-        table[2u * tile] = sums[0].x;
-        table[2u * tile + 1u] = sums[0].y;
+        table[2u * tile] = scan.total.x;
+        table[2u * tile + 1u] = scan.total.y;
     }
 }
 
@@ -87,13 +62,12 @@ fn scan_tiles(@builtin(local_invocation_index) thread: u32) {
         if (tile < tiles) {
             value = vec2<u32>(table[2u * tile], table[2u * tile + 1u]);
         }
-        let before = total + scan_exclusive(value, thread);
+        let scan = scan_threads(value, thread);
         if (tile < tiles) {
-            table[2u * tile] = before.x;
-            table[2u * tile + 1u] = before.y;
+            table[2u * tile] = total.x + scan.before.x;
+            table[2u * tile + 1u] = total.y + scan.before.y;
         }
-        total += sums[TILE_THREADS - 1u];
-        workgroupBarrier();
+        total += scan.total;
     }
     if (thread == 0u) {
         state[S_NODES] = 1u + 2u * total.x;
@@ -115,7 +89,7 @@ fn scan_places(
     for (var i = 0u; i < TILE_ITEMS; i++) {
         sum += words_at(first + i, count);
     }
-    var before = scan_exclusive(sum, thread);
+    var before = scan_threads(sum, thread).before;
     if (tile < tile_count(count)) {
         before += vec2<u32>(table[2u * tile], table[2u * tile + 1u]);
     }

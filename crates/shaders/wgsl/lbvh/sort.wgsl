@@ -4,6 +4,7 @@
 // works on every device. What bounds it is bandwidth: a pass reads a digit's word, then reads and
 // writes all words of an item once.
 //!import lbvh/state
+//!import lbvh/scan
 
 @group(0) @binding(0) var<uniform> params: LbvhParams;
 @group(0) @binding(1) var<storage, read> state: array<u32>;
@@ -54,36 +55,20 @@ fn count_digits(
     }
 }
 
-var<workgroup> sums: array<u32, 128>;
-
-// The sum of `value` over the threads before this one; `sums[127]` holds that of all.
-fn scan_exclusive(value: u32, thread: u32) -> u32 {
-    var sum = value;
-    sums[thread] = sum;
-    workgroupBarrier();
-    for (var by = 1u; by < TILE_THREADS; by *= 2u) {
-        var before = 0u;
-        if (thread >= by) {
-            before = sums[thread - by];
-        }
-        workgroupBarrier();
-        sum += before;
-        sums[thread] = sum;
-        workgroupBarrier();
-    }
-    return sum - value;
-}
-
 // Turns the counts of one digit, in all tiles, into sums over the tiles before; a workgroup a digit.
 @compute @workgroup_size(128)
 fn scan_digits(
     @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
     let tiles = tile_count(state[S_COUNT]);
-    let row = group.x * tiles;
+    let digit = group_index(group, groups);
+    let row = digit * tiles;
+    // Nothing for those that only fill the last row of workgroups.
+    let end = select(0u, tiles, digit < DIGITS);
     var total = 0u;
-    for (var first = 0u; first < tiles; first += 4u * TILE_THREADS) {
+    for (var first = 0u; first < end; first += 4u * TILE_THREADS) {
         let at = first + 4u * thread;
         var values = vec4<u32>(0u);
         for (var i = 0u; i < 4u; i++) {
@@ -91,18 +76,18 @@ fn scan_digits(
                 values[i] = table[row + at + i];
             }
         }
-        var sum = total + scan_exclusive(values.x + values.y + values.z + values.w, thread);
+        let scan = scan_threads(vec2<u32>(values.x + values.y + values.z + values.w, 0u), thread);
+        var sum = total + scan.before.x;
         for (var i = 0u; i < 4u; i++) {
             if (at + i < tiles) {
                 table[row + at + i] = sum;
             }
             sum += values[i];
         }
-        total += sums[TILE_THREADS - 1u];
-        workgroupBarrier();
+        total += scan.total.x;
     }
-    if (thread == 0u) {
-        table[DIGITS * tiles + group.x] = total;
+    if (thread == 0u && digit < DIGITS) {
+        table[DIGITS * tiles + digit] = total;
     }
 }
 
@@ -181,12 +166,12 @@ fn scatter(
         }
     }
     let totals = vec2<u32>(table[DIGITS * tiles + d], table[DIGITS * tiles + d + 1u]);
-    let whole = scan_exclusive(totals.x + totals.y, thread);
-    let local = scan_exclusive(in_tile.x + in_tile.y, thread);
+    let sums = vec2<u32>(in_tile.x + in_tile.y, totals.x + totals.y);
+    let scan = scan_threads(sums, thread);
     let is_tile = tile < tiles;
     for (var k = 0u; k < 2u; k++) {
-        let local_first = local + select(0u, in_tile.x, k == 1u);
-        let whole_first = whole + select(0u, totals.x, k == 1u);
+        let local_first = scan.before.x + select(0u, in_tile.x, k == 1u);
+        let whole_first = scan.before.y + select(0u, totals.x, k == 1u);
         if (is_tile) {
             targets[d + k] = whole_first + table[(d + k) * tiles + tile] - local_first;
         }

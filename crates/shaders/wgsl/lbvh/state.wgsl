@@ -1,4 +1,20 @@
 // What all kernels of the LBVH share: settings, the record of a build, and sizes.
+//
+// A build is these dispatches, each of which sees what those before it wrote. `A_...` is the triple
+// of `args` that an indirect dispatch takes; buffers are bound by the names in the files.
+//   triangles.wgsl: triangles                    of `capacity` invocations, if primitives are triangles
+//   bounds.wgsl: begin                           one workgroup
+//   bounds.wgsl: bounds                          A_CHECK
+//   bounds.wgsl: settle                          one workgroup
+//   morton.wgsl: morton                          A_ELEMENTS
+//   for `shift` = 0, 8, ... below `code_bits`, `source` and `target_items` taking turns:
+//     sort.wgsl: count_digits, scan_digits, scatter    A_TILES, A_DIGITS, A_TILES
+//   karras.wgsl: hierarchy                       A_ELEMENTS, as all up to `mark`
+//   boxes.wgsl: bottom_up, collapse
+//   mark.wgsl: mark
+//   rank.wgsl: sum_tiles, scan_tiles, scan_places    A_TILES, A_ONE, A_TILES
+//   emit.wgsl: emit                              A_ELEMENTS
+// The sort begins and ends in `items`; its other array is `ranks` from `hierarchy` on.
 
 // Settings of a build; the same for all stages but for `shift`.
 struct LbvhParams {
@@ -57,6 +73,9 @@ const A_TILES = 2u;
 const A_DIGITS = 3u;
 const A_ONE = 4u;
 const A_TRIPLES = 5u;
+
+// Words that buffers need for `n` primitives: state 32, args 15, items and the sort's other array 3n
+// each, table 256 * (tiles + 1), tree 4n, boxes 7n, prim_ids n, nodes 16n - 8.
 
 fn tile_count(count: u32) -> u32 {
     return (count + TILE - 1u) / TILE;

@@ -53,6 +53,9 @@ pub struct DeviceInfo {
     pub has_int64_atomics: bool,
     /// 64-bit floating-point numbers in shaders.
     pub has_float64: bool,
+    /// How often a shader's loops may turn, all together, before the driver ends them without a
+    /// word: 65,535 in Mesa's software driver. `None` for no limit.
+    pub max_loop_turns: Option<u32>,
     /// Extensions for hardware or driver ray tracing: acceleration structures with ray queries.
     pub has_ray_query: bool,
     /// The same with ray-tracing pipelines.
@@ -175,6 +178,8 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<C
         has_int64: features.shader_int64 == vk::TRUE,
         has_int64_atomics: atomics.shader_buffer_int64_atomics == vk::TRUE,
         has_float64: features.shader_float64 == vk::TRUE,
+        // LP_MAX_TGSI_LOOP_ITERATIONS of gallivm.
+        max_loop_turns: (driver.driver_id == vk::DriverId::MESA_LLVMPIPE).then_some(65_535),
         has_ray_query: has_structures && has(ash::khr::ray_query::NAME),
         has_ray_pipeline: has_structures && has(ash::khr::ray_tracing_pipeline::NAME),
     };

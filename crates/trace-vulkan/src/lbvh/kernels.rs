@@ -24,13 +24,15 @@ pub(super) struct Kernels {
 }
 
 impl Kernels {
-    pub(super) fn new(device: &Device) -> Result<Self, GpuError> {
+    /// With at most `max_groups` workgroups along an axis; stages with more take several rows.
+    pub(super) fn new(device: &Device, max_groups: u32) -> Result<Self, GpuError> {
         let kernel = |module: &str, entry: &str| device.kernel(module, entry, &[]);
+        let sizing = [("max_groups", f64::from(max_groups))];
         Ok(Self {
             triangles: kernel("lbvh/triangles", "triangles")?,
-            begin: kernel("lbvh/bounds", "begin")?,
+            begin: device.kernel("lbvh/bounds", "begin", &sizing)?,
             bounds: kernel("lbvh/bounds", "bounds")?,
-            settle: kernel("lbvh/bounds", "settle")?,
+            settle: device.kernel("lbvh/bounds", "settle", &sizing)?,
             morton: kernel("lbvh/morton", "morton")?,
             count_digits: kernel("lbvh/sort", "count_digits")?,
             scan_digits: kernel("lbvh/sort", "scan_digits")?,

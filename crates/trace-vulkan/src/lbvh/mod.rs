@@ -26,7 +26,12 @@ use kernels::Kernels;
 use niwaki_core::{Bvh, PrimRef, TriangleMesh};
 use std::sync::Arc;
 
-/// Builds linear BVHs on a device.
+/// Builds linear BVHs on a device: the trees of `niwaki_build_lbvh::Lbvh` with the same settings, bit
+/// for bit, on every device (`docs/gpu-lbvh.md` says why).
+///
+/// Codes are sorted by a radix sort (Merrill and Grimshaw 2011), inner nodes are found all at once
+/// and boxes from the leaves up (Karras 2012, sections 3 and 4), and nodes are placed depth first by
+/// prefix sums. Takes time in proportion to the number of primitives.
 ///
 /// ```
 /// use niwaki_core::{TriangleMesh, glam::Vec3};
@@ -56,11 +61,15 @@ impl GpuLbvh {
     /// # Errors
     /// As [`Device::kernel`].
     pub fn new(device: &Device) -> Result<Self, GpuError> {
-        Ok(Self { device: device.clone(), kernels: Arc::new(Kernels::new(device)?) })
+        Self::with_max_groups(device, device.info().max_groups[0])
+    }
+
+    fn with_max_groups(device: &Device, max_groups: u32) -> Result<Self, GpuError> {
+        Ok(Self { device: device.clone(), kernels: Arc::new(Kernels::new(device, max_groups)?) })
     }
 
     /// Memory for trees of up to `capacity` primitives, built with the same settings again and again:
-    /// about 133 bytes a primitive, of which 100 are primitives and tree.
+    /// about 169 bytes a primitive, of which 100 are primitives and tree.
     ///
     /// # Errors
     /// [`LbvhError::Build`] for settings out of range and more primitives than a tree can hold,

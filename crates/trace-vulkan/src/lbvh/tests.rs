@@ -115,3 +115,18 @@ fn every_stage_does_what_its_twin_does() {
     }
     assert_eq!(device.messages(), Vec::<String>::new());
 }
+
+/// Scenes of more workgroups than a device allows along an axis take several rows, the last of which
+/// may be longer than needed.
+#[test]
+fn rows_of_workgroups_change_nothing() {
+    let Some(device) = device() else { return };
+    let config = config(63, 4);
+    for (count, max_groups) in [(20_000, 7), (20_000, 1), (30, 1)] {
+        let builder = GpuLbvh::with_max_groups(&device, max_groups).unwrap();
+        let prims = boxes(count, 1e6, 2);
+        let twin = twin::build(&prims, &config).unwrap();
+        assert_eq!(builder.build(&prims, &config).unwrap(), twin.bvh, "{count} {max_groups}");
+    }
+    assert_eq!(device.messages(), Vec::<String>::new());
+}

@@ -245,7 +245,7 @@ impl LbvhWorkspace {
         pass: usize,
     ) -> Result<(), GpuError> {
         let [even, odd] = &self.items;
-        let (source, target) = if pass % 2 == 0 { (even, odd) } else { (odd, even) };
+        let (source, target) = if pass.is_multiple_of(2) { (even, odd) } else { (odd, even) };
         let mut buffers = Vec::with_capacity(kernel.bindings().len());
         for binding in kernel.bindings() {
             buffers.push(match binding.name.as_str() {

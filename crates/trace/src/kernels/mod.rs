@@ -25,6 +25,10 @@ mod simd_watertight;
 #[cfg(target_arch = "x86_64")]
 mod sort;
 #[cfg(target_arch = "x86_64")]
+pub(crate) mod sse42;
+#[cfg(target_arch = "x86_64")]
 mod stack;
 #[cfg(target_arch = "x86_64")]
 mod vectors;
+#[cfg(target_arch = "x86_64")]
+mod vectors_sse;

@@ -1,7 +1,7 @@
 //! The slab test of quantised nodes in all lanes.
 
 /// Defines the struct `Boxes` of `define_traversal` for [`niwaki_wide::QuantisedNode`]. Needs, in
-/// scope, `load_bytes`, which makes numbers of a row of bytes.
+/// scope, `load_bytes`, which makes numbers of a row of bytes, and `FUSED`.
 macro_rules! define_quantised_boxes {
     ($features:literal) => {
         /// Where the rows of steps begin in a node, each of `W` bytes.
@@ -27,7 +27,8 @@ macro_rules! define_quantised_boxes {
 
         impl Boxes {
             #[inline(always)]
-            fn prepare(slabs: Slabs) -> PreparedBoxes {
+            fn prepare(slabs: Slabs, setup: &RaySetup, scale: &SceneScale) -> PreparedBoxes {
+                let slabs = if FUSED { slabs } else { slabs.unfused(setup, scale.magnitude) };
                 let row = |axis: usize, side: bool| PLANES + W * (2 * axis + usize::from(side));
                 let near = |axis: usize| row(axis, slabs.inverse[axis].is_sign_negative());
                 let far = |axis: usize| row(axis, slabs.inverse[axis].is_sign_positive());
@@ -67,10 +68,10 @@ macro_rules! define_quantised_boxes {
                     let inverse = self.inverse[axis];
                     let step = mul(splat(grid.scale[axis]), inverse);
                     let origin = splat(grid.origin[axis]);
-                    let near_offset = mul_add(origin, inverse, self.near_offset[axis]);
-                    let far_offset = mul_add(origin, inverse, self.far_offset[axis]);
-                    let near = mul_add(row(self.near[axis]), step, near_offset);
-                    let far = mul_add(row(self.far[axis]), step, far_offset);
+                    let near_offset = loose_mul_add(origin, inverse, self.near_offset[axis]);
+                    let far_offset = loose_mul_add(origin, inverse, self.far_offset[axis]);
+                    let near = loose_mul_add(row(self.near[axis]), step, near_offset);
+                    let far = loose_mul_add(row(self.far[axis]), step, far_offset);
                     (near, far)
                 };
                 let ((x0, x1), (y0, y1), (z0, z1)) = (axis(0), axis(1), axis(2));
@@ -78,7 +79,7 @@ macro_rules! define_quantised_boxes {
                 let leave = min(min(x1, y1), min(z1, t_max));
                 // Inverted boxes alone do not keep unused slots out: the ray's rounding errors may
                 // be larger than the node.
-                (enter, _bzhi_u32(hit_mask(enter, leave), grid.used()))
+                (enter, low_lanes(hit_mask(enter, leave), grid.used()))
             }
         }
     };

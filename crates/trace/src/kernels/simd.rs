@@ -57,7 +57,7 @@ macro_rules! define_traversal {
             #[inline(always)]
             fn new(setup: &RaySetup, scale: &SceneScale) -> Self {
                 Self {
-                    boxes: Boxes::prepare(Corners::slabs(setup, scale)),
+                    boxes: Boxes::prepare(Corners::slabs(setup, scale), setup, scale),
                     t_min: setup.t_min,
                     corners: Corners::prepare(setup),
                 }

@@ -23,7 +23,7 @@ macro_rules! define_full_boxes {
 
         impl Boxes {
             #[inline(always)]
-            fn prepare(slabs: Slabs) -> PreparedBoxes {
+            fn prepare(slabs: Slabs, _: &RaySetup, _: &SceneScale) -> PreparedBoxes {
                 let row = |axis: usize| {
                     2 * ROW * axis + ROW * usize::from(slabs.inverse[axis].is_sign_negative())
                 };
@@ -54,11 +54,11 @@ macro_rules! define_full_boxes {
                 let row = |offset: usize| unsafe { load(node.add(offset).cast()) };
                 let near = |axis: usize| {
                     let row = row(self.near[axis]);
-                    mul_add(row, self.inverse[axis], self.near_offset[axis])
+                    loose_mul_add(row, self.inverse[axis], self.near_offset[axis])
                 };
                 let far = |axis: usize| {
                     let row = row(self.near[axis] ^ ROW);
-                    mul_add(row, self.inverse[axis], self.far_offset[axis])
+                    loose_mul_add(row, self.inverse[axis], self.far_offset[axis])
                 };
                 let enter = max(max(near(0), near(1)), max(near(2), t_min));
                 let leave = min(min(far(0), far(1)), min(far(2), t_max));

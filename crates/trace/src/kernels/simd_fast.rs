@@ -78,7 +78,7 @@ macro_rules! define_fast_corners {
                 let inside = hit_mask(zeros, u)
                     & hit_mask(zeros, v)
                     & hit_mask(add(u, v), det)
-                    & _bzhi_u32(u32::MAX, count);
+                    & low_lanes(u32::MAX, count);
                 if inside == 0 {
                     return LeafHits { mask: 0, t: zeros, u, v, det, first, doubt: false };
                 }

@@ -79,7 +79,7 @@ macro_rules! define_watertight_corners {
                 let minus_certain = xor(certain, sign_bit);
                 // Lanes in which no two weights have opposite signs for certain.
                 let candidates = (hit_mask(minus_certain, least) | hit_mask(most, certain))
-                    & _bzhi_u32(u32::MAX, count);
+                    & low_lanes(u32::MAX, count);
                 let zeros = zero();
                 if candidates == 0 {
                     return LeafHits {

@@ -3,16 +3,16 @@
 use std::arch::x86_64::*;
 
 /// Four lanes.
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "sse4.1")]
 #[inline]
 pub(crate) fn sort4(v: __m128i) -> __m128i {
     let (lo, hi) = (|a, b| _mm_min_epi32(a, b), |a, b| _mm_max_epi32(a, b));
     let p = _mm_shuffle_epi32::<0b10_11_00_01>(v);
-    let v = _mm_blend_epi32::<0b1010>(lo(v, p), hi(v, p));
+    let v = _mm_blend_epi16::<0b1100_1100>(lo(v, p), hi(v, p));
     let p = _mm_shuffle_epi32::<0b00_01_10_11>(v);
-    let v = _mm_blend_epi32::<0b1100>(lo(v, p), hi(v, p));
+    let v = _mm_blend_epi16::<0b1111_0000>(lo(v, p), hi(v, p));
     let p = _mm_shuffle_epi32::<0b10_11_00_01>(v);
-    _mm_blend_epi32::<0b1010>(lo(v, p), hi(v, p))
+    _mm_blend_epi16::<0b1100_1100>(lo(v, p), hi(v, p))
 }
 
 /// Eight lanes.

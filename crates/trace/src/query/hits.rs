@@ -24,7 +24,7 @@ pub trait Traverse {
 
 /// What can be asked about a ray beyond [`Intersector`]: filters, and more than one hit.
 ///
-/// Answered by [`crate::WideScene`] and [`crate::QuantisedScene`] of each width with all their
+/// Answered by [`crate::AutoScene`], [`crate::WideScene`] and [`crate::QuantisedScene`] of each width with all their
 /// kernels, [`crate::BinaryScene`] and [`crate::CustomScene`], with the arithmetic of the plain
 /// queries; these pay nothing for it. The trait cannot be implemented outside this crate.
 ///

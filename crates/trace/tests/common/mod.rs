@@ -4,7 +4,7 @@ use fastrand::Rng;
 use niwaki_build_sbvh::Sbvh;
 use niwaki_core::{Builder, Bvh, Hit, Ray, TriangleMesh, glam::Vec3};
 use niwaki_hard_cases::median_tree;
-use niwaki_trace::{BinaryScene, HitQueries, Kernel, QuantisedScene, WideScene};
+use niwaki_trace::{AutoScene, BinaryScene, HitQueries, Kernel, QuantisedScene, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
 
 /// [`HitQueries`] as an object.
@@ -62,6 +62,8 @@ pub(crate) fn scenes_of(
 ) -> Vec<(String, Box<dyn Queries>)> {
     let mut all: Vec<(String, Box<dyn Queries>)> =
         vec![(format!("{tree}, binary"), Box::new(BinaryScene::new(bvh, mesh).unwrap()))];
+    let auto = AutoScene::new(bvh, mesh).unwrap();
+    all.push((format!("{tree}, {} wide by itself", auto.width()), Box::new(auto)));
     add_width::<4>(bvh, mesh, tree, &mut all);
     add_width::<8>(bvh, mesh, tree, &mut all);
     add_width::<16>(bvh, mesh, tree, &mut all);

@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result, bail};
 use niwaki_core::{Builder as _, Ray, TriangleMesh};
 use niwaki_hard_cases::{Closed, closed};
 use niwaki_scene::Scene;
-use niwaki_trace::{Kernel, Mode, WideScene};
+use niwaki_trace::{AutoScene, Kernel, Mode};
 use rayon::prelude::*;
 
 /// How much is measured.
@@ -74,7 +74,7 @@ pub(super) fn scene(
         bail!("it has no triangles");
     }
     let sets = method.all_cores.install(|| {
-        let wide = WideScene::new(&rays::recorder().build_mesh(&scene.mesh)?, &scene.mesh)?;
+        let wide = AutoScene::new(&rays::recorder().build_mesh(&scene.mesh)?, &scene.mesh)?;
         let names = RAY_SETS.map(str::to_owned);
         anyhow::Ok(rays::record(scene, &wide, &names, effort.rays, effort.seed))
     })?;

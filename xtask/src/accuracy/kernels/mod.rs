@@ -41,7 +41,7 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
     let specs = super::scenes(args)?;
     let mut run = machine::describe();
     let mut builders = registry::select(&BUILDERS.map(str::to_owned))?;
-    find_peers(false, &mut builders, &mut run)?;
+    find_peers(false, "", &mut builders, &mut run)?;
     let effort = Effort {
         threads: args.threads.map_or(1, usize::from),
         seed: args.seed,
@@ -63,6 +63,7 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
         kernels,
         collapse: Collapse::Optimal,
         robust: true,
+        embree_config: String::new(),
         binary: Vec::new(),
         seconds,
         brief: false,

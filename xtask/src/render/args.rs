@@ -1,0 +1,145 @@
+//! The command line of `cargo xtask render`.
+
+use clap::{Args, ValueEnum};
+use std::{fmt, path::PathBuf, str::FromStr};
+
+const EXAMPLES: &str = "\
+Examples:
+  cargo xtask render --scene gallery --mode whitted
+      One picture of a procedural scene, with mirrors and glass.
+  cargo xtask render --scene model.glb --mode path --samples 256 --size 1920x1080 --format exr
+      Your own scene, path traced, as linear radiance.
+  cargo xtask render --scene chess:200k --mode whitted --frames 20 --explain
+      Twenty frames along the scene's camera path, each with what it calls for and why.
+
+Output (in --out): a picture a frame, and frames.json with the time that each part of each frame took
+and the rays that it traced.";
+
+/// Arguments of `cargo xtask render`.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct RenderArgs {
+    /// A file, or the name of a procedural scene with an optional number of triangles (city:200k)
+    #[arg(long, value_name = "FILE|NAME[:TRIANGLES]")]
+    pub(crate) scene: String,
+
+    /// How light is simulated
+    #[arg(long, value_enum, default_value = "whitted")]
+    pub(crate) mode: Mode,
+
+    /// Frames along the scene's camera path; 1 is its first camera, standing still
+    #[arg(long, value_name = "NUMBER", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) frames: u32,
+
+    /// Width and height of the pictures in pixels
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "960x540")]
+    pub(crate) size: Size,
+
+    /// Paths a pixel, for --mode path
+    #[arg(long, value_name = "NUMBER", default_value_t = 64)]
+    pub(crate) samples: u32,
+
+    /// Rays a pixel in each direction, for --mode whitted: 2 smooths edges with four
+    #[arg(long, value_name = "NUMBER", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub(crate) grid: u32,
+
+    /// Most bounces
+    #[arg(long, value_name = "NUMBER", default_value_t = 8,
+          value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) depth: u32,
+
+    /// Print what the scene calls for, what is skipped, and why
+    #[arg(long)]
+    pub(crate) explain: bool,
+
+    /// What pictures are saved as
+    #[arg(long, value_enum, default_value = "png")]
+    pub(crate) format: Format,
+
+    /// Brightness of PNG files in stops, 0 for radiance as it is [default: middle grey]
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    pub(crate) exposure: Option<f32>,
+
+    /// Builder of the tree, as in bench
+    #[arg(long, value_name = "NAME", default_value = "balanced")]
+    pub(crate) builder: String,
+
+    /// Number of threads [default: all that this process may use]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+
+    /// Seed of procedural scenes and of paths
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+
+    /// Where pictures and results go
+    #[arg(long, value_name = "DIR", default_value = "out/render")]
+    pub(crate) out: PathBuf,
+}
+
+/// How light is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mode {
+    /// Mirrors, glass and hard shadows by recursive ray tracing on the CPU: the reference of the
+    /// hybrid renderer (Whitted 1980)
+    Whitted,
+    /// All light paths on the CPU, with noise: the reference of everything
+    Path,
+}
+
+impl Mode {
+    /// As on the command line.
+    pub(crate) fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+/// What pictures are saved as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// 8 bits, tone mapped
+    Png,
+    /// Linear radiance as 32-bit floats
+    Exr,
+}
+
+/// Width and height in pixels, 1 to 16384 each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |text: &str| text.parse().ok().filter(|side| (1..=16_384).contains(side));
+        text.split_once('x')
+            .and_then(|(w, h)| Some(Self { width: side(w)?, height: side(h)? }))
+            .ok_or_else(|| String::from("wanted is a size such as 1280x720, 1 to 16384 each"))
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_and_refused() {
+        let size: Size = "1280x720".parse().unwrap();
+        assert_eq!((size.width, size.height), (1280, 720));
+        assert_eq!(size.to_string(), "1280x720");
+        for text in ["", "x", "0x1", "1x0", "1280", "16385x1", "-1x1", "1x1x1"] {
+            assert!(text.parse::<Size>().is_err(), "{text}");
+        }
+    }
+}
