@@ -7,14 +7,10 @@ use niwaki_core::{
     glam::{Vec2, Vec3},
 };
 use niwaki_render::{Image, PathSettings, PathTracer, RenderStats};
-use niwaki_scene::{Camera, Environment, Material, Scene};
-<<<<<<< HEAD
-use niwaki_trace::{BruteForce, Mode, WideScene};
-=======
-use niwaki_scene::{AlphaMode, Camera, Dropped, Environment, Material, Scene};
+
+use niwaki_scene::{AlphaMode, Camera, Environment, Material, Scene};
 use niwaki_trace::{BruteForce, Mode, WideScene};
 use proptest::prelude::*;
->>>>>>> main
 
 /// Answers rays by testing every triangle.
 pub(crate) fn brute(mesh: &TriangleMesh) -> BruteForce<'_> {
