@@ -54,7 +54,7 @@ fn point_material(s: Surface) -> PointMaterial {
         m.ior,
         select(1.0 / m.ior, m.ior, s.front > 0.5),
         m.mean_fresnel,
-        mirror,
+        mirror * clamp(4.0 * s.metallic - 2.0, 0.0, 1.0),
         select(0.0, mirror, (m.flags & POLISHED) != 0u),
     );
 }
