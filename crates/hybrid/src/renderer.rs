@@ -269,7 +269,7 @@ impl HybridRenderer {
 fn check_camera(camera: &Camera) -> Result<(), HybridError> {
     let finite = camera.position.is_finite() && camera.forward.is_finite() && camera.up.is_finite();
     let fov = camera.vertical_fov;
-    if !finite || !(fov > 0.0 && fov < std::f32::consts::PI) {
+    if !(finite && fov > 0.0 && fov < std::f32::consts::PI) {
         return Err(HybridError::BadCamera(format!("{camera:?}")));
     }
     let lengths = [camera.forward.length(), camera.up.length(), camera.right().length()];

@@ -16,7 +16,7 @@ const NOTHING: BvhNode =
 /// Items of a tile, `TILE` in `lbvh/state.wgsl`.
 const TILE: u64 = 2048;
 /// Words of the record of a build, `S_WORDS` there, and what some of them are.
-const RECORD_WORDS: u64 = 32;
+const RECORD_WORDS: u32 = 32;
 const COUNT: usize = 0;
 const BAD: usize = 1;
 const REQUESTED: usize = 2;
@@ -191,7 +191,7 @@ impl Workspace {
                 words("nodes", 16 * places, none)?,
                 words("prims", 8 * places, none)?,
                 words("counts", 4, none)?,
-                words("state", RECORD_WORDS, BufferUsages::COPY_SRC)?,
+                words("state", RECORD_WORDS.into(), BufferUsages::COPY_SRC)?,
                 words("args", 15, BufferUsages::INDIRECT)?,
                 words("items", 3 * places, none)?,
                 words("ranks", 3 * places, none)?,
@@ -212,8 +212,8 @@ impl Workspace {
     fn bound(&self, name: &str, pass: usize) -> Option<&wgpu::Buffer> {
         match name {
             "params" => self.params.get(pass),
-            "source" => self.buffer(if pass % 2 == 0 { "items" } else { "ranks" }),
-            "target_items" => self.buffer(if pass % 2 == 0 { "ranks" } else { "items" }),
+            "source" => self.buffer(if pass.is_multiple_of(2) { "items" } else { "ranks" }),
+            "target_items" => self.buffer(if pass.is_multiple_of(2) { "ranks" } else { "items" }),
             _ => self.buffer(name),
         }
     }

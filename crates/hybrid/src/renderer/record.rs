@@ -15,7 +15,7 @@ use std::{ops::Range, time::Duration};
 use wgpu::BufferUsages;
 
 /// Bytes from one view to the next: what every device can bind.
-const VIEW_STRIDE: u64 = 256;
+const VIEW_STRIDE: u32 = 256;
 
 /// Commands with their timing.
 struct Recorder<'a> {
@@ -243,8 +243,7 @@ impl HybridRenderer {
         }
         pass.set_pipeline(r.pipeline);
         pass.set_bind_group(0, &self.uploaded.group, &[]);
-        #[expect(clippy::cast_possible_truncation, reason = "a few views of 256 bytes")]
-        pass.set_bind_group(1, &views.group, &[r.view * VIEW_STRIDE as u32]);
+        pass.set_bind_group(1, &views.group, &[r.view * VIEW_STRIDE]);
         pass.set_vertex_buffer(0, self.uploaded.vertices.slice(..));
         pass.set_index_buffer(self.uploaded.indices.slice(..), wgpu::IndexFormat::Uint32);
         for range in r.draws {
