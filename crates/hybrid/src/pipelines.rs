@@ -81,7 +81,8 @@ impl Variant {
 pub(crate) struct Pipelines {
     raster: wgpu::ShaderModule,
     primary: wgpu::ShaderModule,
-    trace: wgpu::ShaderModule,
+    /// By size of the stack of pending rays.
+    trace: Made<u32, wgpu::ShaderModule>,
     deform: wgpu::ShaderModule,
     size: wgpu::ShaderModule,
     pub(crate) view_layout: wgpu::BindGroupLayout,
@@ -90,7 +91,7 @@ pub(crate) struct Pipelines {
     pub(crate) size_layout: wgpu::BindGroupLayout,
     rasters: Made<(Target, [bool; 2]), wgpu::RenderPipeline>,
     primaries: Made<Variant, wgpu::ComputePipeline>,
-    traces: Made<Variant, wgpu::ComputePipeline>,
+    traces: Made<(Variant, u32), wgpu::ComputePipeline>,
     movers: Made<(), wgpu::ComputePipeline>,
     sizers: Made<(), wgpu::ComputePipeline>,
 }
@@ -114,10 +115,28 @@ impl<K: Copy + Eq + Hash, V: Clone> Made<K, V> {
     }
 }
 
+fn source(name: &str) -> Result<String, HybridError> {
+    niwaki_shaders::source(name)
+        .map_err(|e| HybridError::Shader { module: name.into(), message: e.to_string() })
+}
+
 fn module(gpu: &Gpu, name: &str) -> Result<wgpu::ShaderModule, HybridError> {
-    let source = niwaki_shaders::source(name)
-        .map_err(|e| HybridError::Shader { module: name.into(), message: e.to_string() })?;
-    gpu.module(name, source)
+    gpu.module(name, source(name)?)
+}
+
+/// The line of `hybrid/trace.wgsl` that sizes the stack of pending rays; arrays in functions take
+/// no `override`.
+const STACK_LINE: &str = "const RAY_STACK = 35u;";
+
+/// `hybrid/trace` with room for `stack` pending rays.
+fn trace_module(gpu: &Gpu, stack: u32) -> Result<wgpu::ShaderModule, HybridError> {
+    const NAME: &str = "hybrid/trace";
+    let text = source(NAME)?;
+    if !text.contains(STACK_LINE) {
+        let message = format!("it has no line `{STACK_LINE}`");
+        return Err(HybridError::Shader { module: NAME.into(), message });
+    }
+    gpu.module(NAME, text.replace(STACK_LINE, &format!("const RAY_STACK = {stack}u;")))
 }
 
 impl Pipelines {
@@ -125,7 +144,7 @@ impl Pipelines {
         Ok(Self {
             raster: module(gpu, "hybrid/gbuffer")?,
             primary: module(gpu, "hybrid/primary")?,
-            trace: module(gpu, "hybrid/trace")?,
+            trace: Made::new(),
             deform: module(gpu, "hybrid/deform")?,
             size: module(gpu, "hybrid/size")?,
             view_layout: gpu.layout("view", &[Slot::DynamicUniform]),
@@ -267,12 +286,13 @@ impl Pipelines {
         self.primaries.get(variant, make)
     }
 
-    /// The kernel that follows rays.
+    /// The kernel that follows rays, with room for `stack` of them to wait.
     pub(crate) fn trace(
         &self,
         gpu: &Gpu,
         scene: &wgpu::BindGroupLayout,
         variant: Variant,
+        stack: u32,
     ) -> Result<wgpu::ComputePipeline, HybridError> {
         let mut constants = variant.primary();
         let flag = |b: bool| f64::from(u8::from(b));
@@ -284,7 +304,10 @@ impl Pipelines {
             ("GO_ON", flag(variant.go_on)),
         ]);
         let layouts = [scene, &self.kernel_layout];
-        self.traces.get(variant, || gpu.compute(&self.trace, "trace", &layouts, &constants))
+        self.traces.get((variant, stack), || {
+            let module = self.trace.get(stack, || trace_module(gpu, stack))?;
+            gpu.compute(&module, "trace", &layouts, &constants)
+        })
     }
 
     /// The kernel that moves vertices.

@@ -366,6 +366,16 @@ impl HybridRenderer {
         outcome.map(|_| ())
     }
 
+    /// Most rays that wait at once: a surface sends two and one of them is followed at once, so
+    /// each depth leaves one; blended surfaces leave another. Depths that share a size share a
+    /// kernel.
+    fn pending(&self, scenery: &Scenery) -> u32 {
+        let depth = self.settings.max_depth;
+        let blended = scenery.plan.uses(Effect::TransparencyRays);
+        let most = if blended { 2 * depth + 3 } else { depth + 2 };
+        most.next_multiple_of(4)
+    }
+
     fn kernel_group(
         &self,
         scenery: &Scenery,
@@ -408,7 +418,7 @@ impl HybridRenderer {
         let tracing = if variant.follow {
             Some((
                 self.pipelines.sizer(&self.gpu)?,
-                self.pipelines.trace(&self.gpu, layout, variant)?,
+                self.pipelines.trace(&self.gpu, layout, variant, self.pending(scenery))?,
             ))
         } else {
             None

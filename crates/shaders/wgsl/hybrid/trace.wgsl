@@ -9,7 +9,8 @@ override USE_MAP: bool = true;
 // Reflected and refracted rays are followed.
 override REFLECT: bool = true;
 override REFRACT: bool = true;
-// Pending rays; each depth leaves at most two behind.
+// Pending rays; each depth leaves at most two behind. The renderer puts what its depth takes: on
+// every device the array costs, on software drivers the time to compile too.
 const RAY_STACK = 35u;
 
 // A ray that waits.

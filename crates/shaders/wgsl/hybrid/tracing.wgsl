@@ -20,7 +20,8 @@ override ALPHA: bool = true;
 
 const NO_TRIANGLE = 0xffffffffu;
 const INFINITE = 3.0e38;
-const TREE_STACK = 96u;
+// One node a level: 30 bits of code and 32 of position are the deepest tree.
+const TREE_STACK = 64u;
 // niwaki_render::offset::CLEARANCE, and what forming a point in f32 errs by.
 const CLEARANCE = 1.9073523e-6;
 const POINT_ERROR = 9.6e-7;
