@@ -5,6 +5,8 @@
 @group(1) @binding(5) var face_depth: texture_depth_2d_array;
 @group(1) @binding(6) var face_surface: texture_2d_array<u32>;
 
+// The cube map is used; otherwise what leaves the near region is sky.
+override USE_MAP: bool = true;
 // Samples as the paper prints it instead of many for grazing rays.
 override AS_PRINTED: bool = false;
 // Rays that pass behind a surface of the map go on; otherwise to the sky.
@@ -75,7 +77,14 @@ fn thickness_of(face: u32, pixel: vec2u) -> f32 {
 
 // Follows the line origin + t direction, both in clip space of the face, from t_start to where it
 // hits or leaves.
-fn march(face: u32, origin: vec4f, direction: vec4f, t_start: f32) -> MarchResult {
+// `ray` is its direction in the world.
+fn march(
+    face: u32,
+    origin: vec4f,
+    direction: vec4f,
+    t_start: f32,
+    ray: vec3f,
+) -> MarchResult {
     var r = MarchResult(MAP_FAR, t_start, vec2f(0.0), 0.0, vec2u(0u), false, 0u);
     // Clipped before the division by w: no point behind the centre is ever projected.
     var t0 = t_start;
@@ -127,91 +136,97 @@ fn march(face: u32, origin: vec4f, direction: vec4f, t_start: f32) -> MarchResul
     let wanted = frame.n_min + along * (frame.n_max - frame.n_min);
     let n = u32(max(min(wanted, ceil(pixels) + 1.0), 1.0));
     let step = 1.0 / f32(n);
-    // Depth along the axis at the beginning of the step.
-    var w_before = p0.w;
-    var in_front = true;
-    for (var k = 0u; k < n; k++) {
-        let s = (f32(k) + 0.5) * step;
-        let s_end = (f32(k) + 1.0) * step;
-        // Along a line 1/w changes linearly in device coordinates.
-        let w_after = 1.0 / mix(i0, i1, s_end);
-        let ndc = mix(a.xy, b.xy, s);
-        let pixel = pixel_at(ndc);
-        let z = textureLoad(face_depth, pixel, face, 0);
+    let line = Line(face, a.xy, b.xy, i0, i1);
+    var before = look(line, 0.0);
+    var in_front = before.gap <= before.pixel_size;
+    for (var k = 1u; k <= n; k++) {
+        let s = f32(k) * step;
+        let here = look(line, s);
         r.samples++;
-        if z < 1.0 {
-            let front = linear_depth(z);
-            let nearest = min(w_before, w_after);
-            let farthest = max(w_before, w_after);
-            if farthest >= front {
-                if nearest <= front + thickness_of(face, pixel) {
-                    return refine(face, r, a, b, i0, i1, t0, t1, s - 0.5 * step, s_end);
-                }
-                if in_front {
-                    r.behind = true;
-                    if !GO_ON {
-                        r.outcome = MAP_BEHIND;
-                        return r;
-                    }
+        if here.gap < 0.0 {
+            in_front = true;
+            continue;
+        }
+        var hit = here;
+        var at = s;
+        if in_front {
+            // The line has come behind something since the last sample: find where.
+            var low = s - step;
+            for (var j = 0u; j < 8u; j++) {
+                let middle = 0.5 * (low + at);
+                let between = look(line, middle);
+                r.samples++;
+                if between.gap >= 0.0 {
+                    at = middle;
+                    hit = between;
+                } else {
+                    low = middle;
                 }
             }
-            in_front = nearest < front;
-        } else {
-            in_front = true;
         }
-        w_before = w_after;
+        // What one pixel and the last interval leave open.
+        let doubt = 4.0 * hit.pixel_size + 2.0 * abs(hit.w - 1.0 / mix(i0, i1, at - step / 256.0));
+        if hit.gap <= thickness_of(face, hit.pixel) + doubt && !leaves(face, hit, ray) {
+            r.outcome = MAP_HIT;
+            r.at = mix(a.xy, b.xy, at);
+            r.pixel = hit.pixel;
+            r.depth = hit.w - hit.gap;
+            r.t = mix(t0 * i0, t1 * i1, at) * hit.w;
+            return r;
+        }
+        if in_front && hit.gap > doubt {
+            r.behind = true;
+            if !GO_ON {
+                r.outcome = MAP_BEHIND;
+                return r;
+            }
+        }
+        in_front = here.gap <= here.pixel_size;
     }
     return r;
 }
 
-// Finds where between two samples the line first lies within a surface.
-fn refine(
+// A line in a face between two points in device coordinates, and 1/w at both.
+struct Line {
     face: u32,
-    march: MarchResult,
-    a: vec3f,
-    b: vec3f,
+    a: vec2f,
+    b: vec2f,
     i0: f32,
     i1: f32,
-    t0: f32,
-    t1: f32,
-    s_low: f32,
-    s_high: f32,
-) -> MarchResult {
-    var r = march;
-    var low = s_low;
-    var high = s_high;
-    var found = 0.5 * (s_low + s_high);
-    for (var k = 0u; k < 6u; k++) {
-        let s = 0.5 * (low + high);
-        let pixel = pixel_at(mix(a.xy, b.xy, s));
-        let z = textureLoad(face_depth, pixel, face, 0);
-        let front = linear_depth(z);
-        let w = 1.0 / mix(i0, i1, s);
-        r.samples++;
-        if z < 1.0 && w >= front {
-            high = s;
-            if w <= front + thickness_of(face, pixel) {
-                found = s;
-            }
-        } else {
-            low = s;
-        }
-    }
-    r.outcome = MAP_HIT;
-    r.at = mix(a.xy, b.xy, found);
-    r.pixel = pixel_at(r.at);
-    var z = textureLoad(face_depth, r.pixel, face, 0);
-    if z >= 1.0 {
-        // The refinement ran off the surface: take the sample that met it.
-        r.at = mix(a.xy, b.xy, 0.5 * (s_low + s_high));
-        r.pixel = pixel_at(r.at);
-        z = textureLoad(face_depth, r.pixel, face, 0);
-        found = 0.5 * (s_low + s_high);
-    }
-    r.depth = linear_depth(z);
-    let i = mix(i0, i1, found);
-    r.t = mix(t0 * i0, t1 * i1, found) / i;
-    return r;
+}
+
+// A point of a line beside the map.
+struct Look {
+    pixel: vec2u,
+    // How far it lies behind the map's surface along the face's axis.
+    gap: f32,
+    // Its own distance along that axis.
+    w: f32,
+    // What a pixel covers there.
+    pixel_size: f32,
+}
+
+fn look(line: Line, s: f32) -> Look {
+    let pixel = pixel_at(mix(line.a, line.b, s));
+    // Along a line 1/w changes linearly in device coordinates.
+    let w = 1.0 / mix(line.i0, line.i1, s);
+    let z = textureLoad(face_depth, pixel, line.face, 0);
+    let gap = select(w - linear_depth(z), -INFINITE, z >= 1.0);
+    return Look(pixel, gap, w, w * 2.0 * FACE_TANGENT / frame.face_resolution);
+}
+
+// True if a ray that lies just behind a pixel's surface is on its way out to the front: it started
+// there, and the depth of a whole pixel is known at one point of it only.
+fn leaves(face: u32, hit: Look, d: vec3f) -> bool {
+    let ndc = (vec2f(hit.pixel) + 0.5) / (0.5 * frame.face_resolution) - 1.0;
+    let forward = face_forward(face);
+    let up = face_up(face);
+    let slope = vec2f(ndc.x, -ndc.y) * FACE_TANGENT;
+    let toward = normalize(forward + cross(forward, up) * slope.x + up * slope.y);
+    var n = unpack_normal(textureLoad(face_surface, hit.pixel, face, 0).x);
+    let cosine = dot(n, toward);
+    n = select(n, -n, cosine > 0.0);
+    return dot(d, n) >= 0.0 && hit.gap <= 4.0 * hit.pixel_size / max(abs(cosine), 0.01);
 }
 
 // The surface of a hit in the map.
@@ -231,4 +246,13 @@ fn map_surface(face: u32, hit: MarchResult, o: vec3f, d: vec3f) -> Surface {
     s.opacity = 1.0;
     s.distance = distance(s.point, o);
     return s;
+}
+
+// How far off its surface a ray starts: beyond the near region by what a pixel of the map covers.
+fn start_clearance(s: Surface) -> f32 {
+    if !USE_MAP || HOLDS_ALL || in_cube(s.point, frame.traced) {
+        return s.clearance;
+    }
+    let pixel_size = largest(s.point - frame.center) * 2.0 * FACE_TANGENT / frame.face_resolution;
+    return max(s.clearance, 1.5 * pixel_size);
 }

@@ -4,8 +4,6 @@
 // cube map, until they end at surfaces that send none on, in the sky or at the greatest depth
 // (Ganestam and Doggett 2014, section 3.4).
 
-// The cube map is used; otherwise what leaves the near region is sky.
-override USE_MAP: bool = true;
 // Reflected and refracted rays are followed.
 override REFLECT: bool = true;
 override REFRACT: bool = true;
@@ -94,7 +92,7 @@ fn follow(o: vec3f, d: vec3f, result: ptr<function, Surface>) -> u32 {
             fresh = false;
         }
         n_faces++;
-        let r = march(face, clip_origin, clip_direction, t);
+        let r = march(face, clip_origin, clip_direction, t, d);
         n_samples += r.samples;
         was_behind = was_behind || r.behind;
         end_face = face;
@@ -207,7 +205,7 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
                     if dot(mirrored, s.geometric) <= 0.0 {
                         mirrored = mirror_direction(to_viewer, s.geometric);
                     }
-                    let origin = s.point + s.geometric * s.clearance;
+                    let origin = s.point + s.geometric * start_clearance(s);
                     stack[size] = Pending(origin, depth + 1u, normalize(mirrored), 0.0, w, false);
                     size++;
                     n_reflected++;
