@@ -5,12 +5,16 @@
 //!     [NAME:TRIANGLES | FILE] [WIDTHxHEIGHT] [default|fast|fine|exact|paper] [OUT.png] [VIEW]
 //! ```
 //!
-//! VIEW is `hits`, `normals`, `steps` or `whitted`, which renders the reference on the CPU.
+//! VIEW is `hits`, `normals` or `steps`; `whitted` renders the reference on the CPU instead, and
+//! `compare` says how far from it the frame is.
 
 use niwaki_build_binned::Binned;
 use niwaki_core::Builder;
 use niwaki_hybrid::{DebugView, Gpu, HybridRenderer, Settings};
-use niwaki_render::{ToneCurve, Whitted, WhittedSettings};
+use niwaki_render::{
+    Image, ToneCurve, Whitted, WhittedSettings,
+    metrics::{FlipSettings, flip},
+};
 use niwaki_scene::{LoadOptions, Scene, generate, load};
 use niwaki_trace::WideScene;
 use std::{error::Error, sync::Arc};
@@ -30,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(scene(arg(0, "atrium:100000"))?);
     let (width, height) = arg(1, "320x180").split_once('x').ok_or("the size is WIDTHxHEIGHT")?;
     let (width, height) = (width.parse()?, height.parse()?);
-    let mut settings = match arg(2, "default") {
+    let settings = match arg(2, "default") {
         "fast" => Settings::fast(),
         "fine" => Settings::fine(),
         "exact" => Settings::exact(),
@@ -38,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         _ => Settings::default(),
     };
     let camera = scene.cameras[0];
-    let image = if arg(4, "") == "whitted" {
+    let reference = || -> Result<Image, Box<dyn Error>> {
         let whitted = WhittedSettings {
             width,
             height,
@@ -46,10 +50,15 @@ fn main() -> Result<(), Box<dyn Error>> {
             cutoff: settings.throughput_cutoff,
             ..WhittedSettings::default()
         };
-        let tree = Binned::default().build_mesh(&scene.mesh)?;
-        Whitted::new(whitted).render(&scene, &WideScene::new(&tree, &scene.mesh)?)
+        let frozen = scene.frozen(0.0)?;
+        let tree = Binned::default().build_mesh(&frozen.mesh)?;
+        Ok(Whitted::new(whitted).render(&frozen, &WideScene::new(&tree, &frozen.mesh)?))
+    };
+    let image = if arg(4, "") == "whitted" {
+        reference()?
     } else {
-        settings.debug_view = match arg(4, "") {
+        let wanted = if arg(4, "") == "compare" { Some(reference()?) } else { None };
+        let debug_view = match arg(4, "") {
             "hits" => DebugView::HitSource,
             "normals" => DebugView::Normal,
             "steps" => DebugView::MarchSteps,
@@ -57,7 +66,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let gpu = Gpu::new()?;
         println!("{}, {} triangles on {}", scene.name, scene.mesh.len(), gpu.name());
-        let mut renderer = HybridRenderer::new(&gpu, Arc::clone(&scene), settings)?;
+        let mut renderer = HybridRenderer::new(
+            &gpu,
+            Arc::clone(&scene),
+            Settings { debug_view, ..settings.clone() },
+        )?;
         let mut frame = renderer.render(&camera, width, height, 0.0)?;
         println!("{}\n", frame.plan);
         // The first frame compiles kernels. Forgetting what it left makes the second do all again.
@@ -74,6 +87,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("total {:.1} ms", 1e3 * frame.report.total.as_secs_f64());
         println!("{} triangles in the near region", frame.report.region_triangles);
         println!("{:#?}", frame.report.counters);
+        if let Some(wanted) = wanted {
+            let map = flip(&frame.image, &wanted, &FlipSettings::default())?;
+            println!("mean FLIP against the Whitted integrator: {:.4}", map.mean());
+        }
         frame.image
     };
     if let Some(path) = args.get(3) {

@@ -2,9 +2,10 @@
 
 mod common;
 
-use common::{flip, gpu, parlour_scene, render, show, small, whitted};
-use niwaki_hybrid::{NearRegion, Settings, Shadows};
+use common::{SIZE, flip, gpu, parlour_scene, render, show, small, whitted};
+use niwaki_hybrid::{Decision, Effect, HybridRenderer, NearRegion, Settings, Shadows};
 use niwaki_render::metrics;
+use std::sync::Arc;
 
 #[test]
 fn a_region_that_holds_the_scene_gives_the_whitted_image() {
@@ -61,4 +62,31 @@ fn shadow_maps_cast_nearly_the_shadows_of_rays() {
     let without = flip(&render(&gpu, &scene, &none).image, &reference.image);
     println!("maps {error:.4}, no shadows {without:.4}");
     assert!(error < 0.02 && error < 0.4 * without, "{error} {without}");
+}
+
+#[test]
+fn moving_objects_stand_where_the_cpu_puts_them() {
+    let Some(gpu) = gpu() else { return };
+    let scene = niwaki_scene::generate::generate("chess", 6000, 1).unwrap();
+    let settings = small(Settings::exact());
+    let mut renderer =
+        HybridRenderer::new(&gpu, Arc::new(scene.clone()), settings.clone()).unwrap();
+    let camera = scene.cameras[0];
+    let mut images = Vec::new();
+    for time in [0.0, 0.8] {
+        let frame = renderer.render(&camera, SIZE[0], SIZE[1], time).unwrap();
+        let runs = |e| frame.plan.runs(e);
+        assert!(runs(Effect::Deformation) && runs(Effect::NearRegion), "{}", frame.plan);
+        let reference = whitted(&scene.frozen(time).unwrap(), &settings);
+        show(&format!("chess-{time}"), &frame.image);
+        let error = flip(&frame.image, &reference);
+        println!("time {time}: FLIP {error:.5}");
+        assert!(error <= 0.01, "{time}: {error}");
+        images.push(frame.image);
+    }
+    assert!(flip(&images[0], &images[1]) > 0.02, "nothing moved");
+    let still = renderer.render(&camera, SIZE[0], SIZE[1], 0.8).unwrap();
+    assert_eq!(still.plan.decision(Effect::Deformation), Decision::Keep, "{}", still.plan);
+    assert_eq!(still.plan.decision(Effect::NearRegion), Decision::Keep, "{}", still.plan);
+    assert_eq!(still.image, images[1]);
 }
