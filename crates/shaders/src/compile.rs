@@ -107,7 +107,9 @@ impl Library {
     pub fn entry_points(&self, module: &str) -> Result<Vec<String>, ShaderError> {
         let composed = self.compose(module)?;
         let (parsed, _) = parse(module, &composed)?;
-        Ok(parsed.entry_points.into_iter().map(|entry| entry.name).collect())
+        let entries = parsed.entry_points.into_iter();
+        let compute = entries.filter(|entry| entry.stage == ShaderStage::Compute);
+        Ok(compute.map(|entry| entry.name).collect())
     }
 
     /// Composes and validates a module and translates a compute entry point to SPIR-V.
