@@ -139,6 +139,8 @@ pub struct PlannedPass {
 /// What frames leave behind that the next one may use.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kept {
+    /// True if dynamic objects have been moved to where they are.
+    pub deformed: bool,
     /// The region whose triangles the tree holds.
     pub tree: Option<Region>,
     /// True if that tree holds every triangle of the scene, wherever the camera stands.

@@ -89,4 +89,8 @@ fn moving_objects_stand_where_the_cpu_puts_them() {
     assert_eq!(still.plan.decision(Effect::Deformation), Decision::Keep, "{}", still.plan);
     assert_eq!(still.plan.decision(Effect::NearRegion), Decision::Keep, "{}", still.plan);
     assert_eq!(still.image, images[1]);
+    // A frame that has no pixels moves nothing; the next one catches up.
+    renderer.render(&camera, 0, 0, 0.0).unwrap();
+    let back = renderer.render(&camera, SIZE[0], SIZE[1], 0.0).unwrap();
+    assert_eq!(back.image, images[0]);
 }

@@ -147,7 +147,7 @@ impl Frame<'_> {
     fn deformation(&self) -> Ruling {
         match self.facts.objects.iter().filter(|o| o.dynamic).count() {
             0 => skip("every object is static"),
-            _ if !self.moved && self.facts.kept.is_some() => {
+            _ if !self.moved && self.facts.kept.is_some_and(|k| k.deformed) => {
                 keep("no object has moved since the last frame")
             }
             n => run(self.quality(Effect::Deformation), format!("{n} objects move or bend")),
@@ -325,6 +325,7 @@ fn remaining(plan: &EffectPlan, settings: &Settings, moved: bool, before: Option
     // What was not looked at in this frame may be out of date if something moved.
     let before = if moved { None } else { before };
     let mut kept = before.cloned().unwrap_or_default();
+    kept.deformed |= plan.uses(Effect::Deformation);
     for face in Face::ALL {
         if plan.uses(Effect::CubeFace(face)) {
             kept.faces[face.index()] = Some((plan.region, settings.face_resolution));
