@@ -7,8 +7,8 @@ use niwaki_core::{
     glam::{Vec2, Vec3},
 };
 use niwaki_render::{Image, PathSettings, PathTracer, RenderStats};
-use niwaki_scene::{Camera, Environment, Material, Scene};
-use niwaki_scene::{AlphaMode, Camera, Dropped, Environment, Material, Scene};
+
+use niwaki_scene::{AlphaMode, Camera, Environment, Material, Scene};
 use niwaki_trace::{BruteForce, Mode, WideScene};
 use proptest::prelude::*;
 
