@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs the Vulkan loader and Mesa's software driver (lavapipe) on Debian; nothing to do elsewhere or twice.
+# Installs the Vulkan loader, Mesa's software driver (lavapipe) and the validation layers on Debian; nothing to do elsewhere or twice.
 set -euo pipefail
-packages=(libvulkan1 mesa-vulkan-drivers)
+packages=(libvulkan1 mesa-vulkan-drivers vulkan-validationlayers)
 command -v apt-get > /dev/null || { echo "no apt-get: install a Vulkan loader and Mesa's lavapipe by hand" >&2; exit 0; }
 missing=()
 for package in "${packages[@]}"; do
