@@ -29,6 +29,7 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "lbvh/morton",
     "lbvh/rank",
     "lbvh/scan",
+    "lbvh/scene",
     "lbvh/sort",
     "lbvh/state",
     "lbvh/tree",
