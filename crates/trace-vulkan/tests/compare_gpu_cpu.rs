@@ -1,5 +1,5 @@
-//! The GPU gives the answers of the scalar kernels of the CPU; where rounding tells them apart, exact
-//! arithmetic says that neither is wrong.
+//! The GPU gives the answers of the scalar kernels of the CPU; where rounding tells them apart,
+//! exact arithmetic says that neither is wrong.
 
 mod common;
 
@@ -17,6 +17,7 @@ const RAYS: usize = 100_000;
 /// From around, from inside, and from surfaces: a third each.
 fn rays(mesh: &TriangleMesh, count: usize, seed: u64) -> Vec<Ray> {
     let mut rng = fastrand::Rng::with_seed(seed);
+    let mut triangles = rng.fork();
     let bounds = mesh.bounds();
     let (middle, size) = (bounds.center(), bounds.extent());
     let mut vector = || Vec3::from_array([(); 3].map(|()| rng.f32() * 2.0 - 1.0));
@@ -27,8 +28,7 @@ fn rays(mesh: &TriangleMesh, count: usize, seed: u64) -> Vec<Ray> {
             0 => middle + size.length() * vector().normalize_or(Vec3::X),
             1 => middle + 0.5 * size * vector(),
             _ => {
-                let i = ((vector().x + 1.0) * 0.5 * (mesh.len() - 1) as f32) as usize;
-                let [a, b, c] = mesh.triangle(i).vertices();
+                let [a, b, c] = mesh.triangle(triangles.usize(..mesh.len())).vertices();
                 a * 0.3 + b * 0.4 + c * 0.3
             }
         };
