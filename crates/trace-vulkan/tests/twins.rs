@@ -95,10 +95,12 @@ fn powers_of_two_scale_numbers_of_any_size() {
     let body = "y[0] = vec4f(scaled_by(x[0].x, i32(x[0].y)), f32(exponent_of(x[0].x)), 0.0, 0.0);";
     let output: Vec<[f32; 4]> = run(&device, "float", body, &input);
     for ([x, power, ..], [scaled, exponent, ..]) in input.into_iter().zip(output) {
-        let exact = f64::from(x) * 2.0_f64.powi(power as i32);
+        let exact = f64::from(x) * 2.0_f64.powf(f64::from(power));
         // Denormal results may be rounded on the way, or be 0.
         if exact == 0.0 || exact.abs() >= f64::from(f32::MIN_POSITIVE) {
-            assert_eq!(scaled, exact as f32, "{x:e}·2^{power}");
+            let is_exact = f64::from(scaled) == exact;
+            let is_over = exact.abs() > f64::from(f32::MAX) && scaled.is_infinite();
+            assert!(is_exact || is_over, "{x:e}·2^{power} = {scaled:e}");
         } else {
             let tiny = f64::from(f32::MIN_POSITIVE);
             assert!((f64::from(scaled) - exact).abs() <= tiny, "{x:e}·2^{power} = {scaled:e}");
@@ -130,7 +132,7 @@ struct BoxCase {
 fn slab_test(case: &BoxCase, is_fused: bool) -> [f32; 2] {
     let (mut near, mut far) = (case.t_min, case.t_max);
     for axis in 0..3 {
-        let negative = case.octant as u32 >> axis & 1 == 1;
+        let negative = case.inverse[axis] < 0.0;
         let (low, high) = (case.low[axis], case.high[axis]);
         let (first, last) = if negative { (high, low) } else { (low, high) };
         let at = |x: f32, offset: f32| {
