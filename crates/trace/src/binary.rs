@@ -56,19 +56,6 @@ impl BinaryScene {
             BvhNode { min: bounds.min, max: bounds.max, ..*node }
         });
         let triangles = scaled_words(mode, scale, &bvh.prim_ids, mesh);
-        let triangle = |id: u32| mesh.triangle(id as usize);
-        let ids = bvh.prim_ids.par_iter().with_min_len(4096);
-        let flat = ids.clone().enumerate().filter(|&(_, &id)| is_flat(&triangle(id)));
-        let flat: Vec<(usize, u32)> = flat.map(|(at, &id)| (at, id)).collect();
-        let flat_ids: Vec<u32> = flat.iter().map(|&(_, id)| id).collect();
-        let kept = closing(&flat_ids, mesh);
-        let mut triangles: Vec<_> =
-            ids.map(|&id| words(mode, &scale.triangle(triangle(id)))).collect();
-        for (at, id) in flat {
-            if kept.binary_search(&id).is_err() {
-                triangles[at] = NEVER_HIT;
-            }
-        }
         Ok(Self { nodes: nodes.collect(), prim_ids: bvh.prim_ids.clone(), triangles, mode, scale })
     }
 

@@ -62,15 +62,17 @@ pub(crate) fn scaled_words(
 ) -> Vec<[Vec3; 3]> {
     let triangle = |id: u32| mesh.triangle(id as usize);
     let ids = prim_ids.par_iter().with_min_len(4096);
-    let flat: Vec<u32> = ids.clone().copied().filter(|&id| is_flat(&triangle(id))).collect();
-    let kept = closing(&flat, mesh);
-    let words = ids.map(|&id| {
-        if !flat.is_empty() && is_flat(&triangle(id)) && kept.binary_search(&id).is_err() {
-            return NEVER_HIT;
+    let flat = ids.clone().enumerate().filter(|&(_, &id)| is_flat(&triangle(id)));
+    let flat: Vec<(usize, u32)> = flat.map(|(at, &id)| (at, id)).collect();
+    let flat_ids: Vec<u32> = flat.iter().map(|&(_, id)| id).collect();
+    let kept = closing(&flat_ids, mesh);
+    let mut triangles: Vec<_> = ids.map(|&id| words(mode, &scale.triangle(triangle(id)))).collect();
+    for (at, id) in flat {
+        if kept.binary_search(&id).is_err() {
+            triangles[at] = NEVER_HIT;
         }
-        words(mode, &scale.triangle(triangle(id)))
-    });
-    words.collect()
+    }
+    triangles
 }
 
 /// Every inner node has two children after it that no other node has, and every leaf a range of
