@@ -183,3 +183,99 @@ fn slab_tests() {
     }
     assert_silent(&device);
 }
+
+/// `Slabs`, the range of t, and `Node8`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct NodeCase {
+    inverse: [f32; 3],
+    t_min: f32,
+    near: [f32; 3],
+    t_max: f32,
+    far: [f32; 3],
+    octant: f32,
+    origin: [f32; 3],
+    masks: u32,
+    step: [f32; 3],
+    first_node: u32,
+    leaves: [u32; 4],
+    planes: [[u8; 8]; 6],
+}
+
+/// Twin of `slots_met`: dequantises with the ray.
+fn slots_met(case: &NodeCase, is_fused: bool) -> u32 {
+    let madd = |a: f32, b: f32, c: f32| if is_fused { a.mul_add(b, c) } else { a * b + c };
+    let mut met = 0;
+    for slot in 0..8 {
+        let (mut near, mut far) = (case.t_min, case.t_max);
+        for axis in 0..3 {
+            let inverse = case.inverse[axis];
+            let step = case.step[axis] * inverse;
+            let upper = usize::from(inverse < 0.0);
+            let first = f32::from(case.planes[2 * axis + upper][slot]);
+            let last = f32::from(case.planes[2 * axis + 1 - upper][slot]);
+            near = near.max(madd(first, step, madd(case.origin[axis], inverse, case.near[axis])));
+            far = far.min(madd(last, step, madd(case.origin[axis], inverse, case.far[axis])));
+        }
+        met |= u32::from(near <= far) << slot;
+    }
+    met & case.masks >> 8
+}
+
+#[test]
+fn quantised_boxes() {
+    let Some(device) = device() else { return };
+    let is_fused = Tracer::new(&device).unwrap().is_fused();
+    let mut rng = fastrand::Rng::with_seed(4);
+    let input: Vec<NodeCase> = (0..20_000)
+        .map(|_| {
+            // A ray through a point of the grid, whose boxes are small enough to be missed.
+            let mut three = |size: f32| [(); 3].map(|()| (rng.f32() * 2.0 - 1.0) * size);
+            let (around, from, origin) = (three(0.5), three(2.0), three(0.5));
+            let step = three(0.01);
+            let middle = |axis: usize| origin[axis] + 128.0 * step[axis] + around[axis];
+            let direction = [0, 1, 2].map(|axis| middle(axis) - from[axis]);
+            let inverse = direction.map(|d| 1.0 / d);
+            let offset = [0, 1, 2].map(|axis| -from[axis] * inverse[axis]);
+            let negative = |axis: usize| u8::from(inverse[axis] < 0.0) << axis;
+            let mut planes = [[0; 8]; 6];
+            for axis in 0..3 {
+                let ends = [(); 8].map(|()| (rng.u8(..), rng.u8(..)));
+                // With a negative step, the largest coordinate has the smallest plane.
+                let is_reverse = step[axis] < 0.0;
+                planes[2 * axis + usize::from(is_reverse)] = ends.map(|(a, b)| a.min(b));
+                planes[2 * axis + usize::from(!is_reverse)] = ends.map(|(a, b)| a.max(b));
+            }
+            NodeCase {
+                inverse,
+                t_min: 0.0,
+                near: offset,
+                t_max: 100.0,
+                far: offset.map(|x| x + 1e-3),
+                octant: f32::from(negative(0) | negative(1) | negative(2)),
+                origin,
+                masks: u32::from(rng.u8(..)) << 8,
+                step,
+                first_node: 0,
+                leaves: [0; 4],
+                planes,
+            }
+        })
+        .collect();
+    let body = format!(
+        "{SLABS}
+        let node = Node8(x[3].xyz, bitcast<u32>(x[3].w), x[4].xyz, bitcast<u32>(x[4].w),
+            bitcast<vec4u>(x[5]), bitcast<vec4u>(x[6]), bitcast<vec4u>(x[7]), bitcast<vec4u>(x[8]));
+        y[0] = vec4f(f32(slots_met(slabs, node, x[0].w, x[1].w)), 0.0, 0.0, 0.0);"
+    );
+    let output: Vec<[f32; 4]> = run(&device, "boxes", &body, &input);
+    let mut met = 0;
+    for (case, [mask, ..]) in input.iter().zip(output) {
+        let expected = slots_met(case, is_fused);
+        assert_eq!(f64::from(mask), f64::from(expected), "{:?} {:?}", case.planes, case.inverse);
+        met += expected.count_ones();
+    }
+    // Neither all nor none.
+    assert!((1_000..60_000).contains(&met), "{met}");
+    assert_silent(&device);
+}
