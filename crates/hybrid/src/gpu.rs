@@ -1,0 +1,455 @@
+//! The device: its choice, its limits and its faults, and short ways to make what passes are made
+//! of.
+
+use crate::{HybridError, pipelines::Pipelines, tree::TreeKernels};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Environment variable that picks a device by number or by a part of its name.
+pub const DEVICE_VARIABLE: &str = "NIWAKI_VULKAN_DEVICE";
+
+/// An open Vulkan device.
+///
+/// A discrete GPU is preferred to an integrated one and either to a software driver;
+/// `NIWAKI_VULKAN_DEVICE` picks another by its number or a part of its name.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pub(crate) limits: wgpu::Limits,
+    name: String,
+    timestamps: bool,
+    fault: Arc<Mutex<Option<HybridError>>>,
+    compiled: Arc<Mutex<Compiled>>,
+}
+
+/// Kernels that are compiled once a device, however many renderers use it.
+#[derive(Default)]
+struct Compiled {
+    pipelines: Option<Arc<Pipelines>>,
+    tree: Option<Arc<TreeKernels>>,
+}
+
+impl std::fmt::Debug for Compiled {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Compiled").finish_non_exhaustive()
+    }
+}
+
+impl Gpu {
+    /// Opens the device.
+    ///
+    /// # Errors
+    /// [`HybridError::NoAdapter`], [`HybridError::UnknownAdapter`], [`HybridError::Unsupported`]
+    /// and [`HybridError::Open`].
+    pub fn new() -> Result<Self, HybridError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let adapter = choose(&instance)?;
+        let name = adapter.get_info().name;
+        let needed = wgpu::Features::PRIMITIVE_INDEX;
+        let timers =
+            wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
+        let offered = adapter.features();
+        if !offered.contains(needed) {
+            let missing = String::from("the number of a triangle in fragment shaders");
+            return Err(HybridError::Unsupported { device: name, missing });
+        }
+        let limits = adapter.limits();
+        for (what, has, least) in [
+            ("storage buffers per stage", limits.max_storage_buffers_per_shader_stage, 12),
+            ("colour bytes per sample", limits.max_color_attachment_bytes_per_sample, 20),
+        ] {
+            if has < least {
+                let missing = format!("{what}: it has {has}, {least} are needed");
+                return Err(HybridError::Unsupported { device: name, missing });
+            }
+        }
+        let timestamps = offered.contains(timers);
+        let required_features = if timestamps { needed | timers } else { needed };
+        let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("niwaki"),
+            required_features,
+            required_limits: limits.clone(),
+            ..wgpu::DeviceDescriptor::default()
+        }));
+        let (device, queue) = opened.map_err(|e| HybridError::Open(e.to_string()))?;
+        let fault = Arc::new(Mutex::new(None));
+        let seen = Arc::clone(&fault);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            note(
+                &seen,
+                match error {
+                    wgpu::Error::OutOfMemory { source } => {
+                        HybridError::OutOfMemory(source.to_string())
+                    }
+                    wgpu::Error::Validation { description, .. }
+                    | wgpu::Error::Internal { description, .. } => HybridError::Gpu(description),
+                },
+            );
+        }));
+        let seen = Arc::clone(&fault);
+        device.set_device_lost_callback(move |reason, message| {
+            // A device that is dropped is "lost" too, but then nobody asks.
+            note(&seen, HybridError::DeviceLost(format!("{reason:?} {message}")));
+        });
+        Ok(Self { device, queue, limits, name, timestamps, fault, compiled: Arc::default() })
+    }
+
+    /// The device's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// True if passes can be timed.
+    #[must_use]
+    pub const fn has_timestamps(&self) -> bool {
+        self.timestamps
+    }
+
+    /// Gives the device up, as if it had been removed: what uses it returns
+    /// [`HybridError::DeviceLost`] from then on.
+    pub fn destroy(&self) {
+        note(&self.fault, HybridError::DeviceLost("it was given up".into()));
+        self.device.destroy();
+    }
+
+    /// The pipelines of views and rays.
+    pub(crate) fn pipelines(&self) -> Result<Arc<Pipelines>, HybridError> {
+        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipelines) = &compiled.pipelines {
+            return Ok(Arc::clone(pipelines));
+        }
+        let pipelines = Arc::new(Pipelines::new(self)?);
+        compiled.pipelines = Some(Arc::clone(&pipelines));
+        Ok(pipelines)
+    }
+
+    /// The kernels that build trees.
+    pub(crate) fn tree_kernels(&self) -> Result<Arc<TreeKernels>, HybridError> {
+        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernels) = &compiled.tree {
+            return Ok(Arc::clone(kernels));
+        }
+        let kernels = Arc::new(TreeKernels::new(self)?);
+        compiled.tree = Some(Arc::clone(&kernels));
+        Ok(kernels)
+    }
+
+    /// The first fault since the device was opened. A lost device stays lost; other faults are
+    /// reported once.
+    pub(crate) fn check(&self) -> Result<(), HybridError> {
+        let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*fault {
+            None => Ok(()),
+            Some(lost @ HybridError::DeviceLost(_)) => Err(lost.clone()),
+            Some(_) => fault.take().map_or(Ok(()), Err),
+        }
+    }
+
+    /// Waits for all work that was submitted.
+    pub(crate) fn wait(&self) -> Result<(), HybridError> {
+        let polled = self.device.poll(wgpu::PollType::Wait {
+            submission_index: None,
+            // A frame on a software driver may take minutes; a stuck device takes for ever.
+            timeout: Some(std::time::Duration::from_secs(600)),
+        });
+        self.check()?;
+        polled.map(|_| ()).map_err(|e| HybridError::DeviceLost(e.to_string()))
+    }
+
+    /// A buffer of at least `size` bytes, and at least one element of whatever it holds, as kernels
+    /// cannot bind less.
+    pub(crate) fn buffer(
+        &self,
+        label: &str,
+        size: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, HybridError> {
+        let size = size.max(256).next_multiple_of(16);
+        let mut limit = self.limits.max_buffer_size;
+        if usage.contains(wgpu::BufferUsages::STORAGE) {
+            limit = limit.min(self.limits.max_storage_buffer_binding_size);
+        }
+        if size > limit {
+            return Err(HybridError::TooLarge {
+                what: format!("the buffer of {label}"),
+                wanted: size,
+                limit,
+                remedy: "use a smaller image or a scene of fewer triangles, or a device with \
+                         larger storage buffers",
+            });
+        }
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        };
+        let buffer = self.device.create_buffer(&descriptor);
+        self.check()?;
+        Ok(buffer)
+    }
+
+    /// A buffer that holds `data`.
+    pub(crate) fn upload<T: bytemuck::Pod>(
+        &self,
+        label: &str,
+        data: &[T],
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, HybridError> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let buffer = self.buffer(label, bytes.len() as u64, usage)?;
+        self.queue.write_buffer(&buffer, 0, bytes);
+        Ok(buffer)
+    }
+
+    /// A texture of `layers` layers that can be bound and, unless it holds an upload, drawn to.
+    pub(crate) fn texture(
+        &self,
+        label: &str,
+        size: [u32; 3],
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> Result<wgpu::Texture, HybridError> {
+        let [width, height, layers] = size.map(|n| n.max(1));
+        self.fits(label, width.max(height))?;
+        if layers > self.limits.max_texture_array_layers {
+            return Err(HybridError::TooLarge {
+                what: format!("the layers of {label}"),
+                wanted: layers.into(),
+                limit: self.limits.max_texture_array_layers.into(),
+                remedy: "use fewer lights or smaller textures",
+            });
+        }
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: usage | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        self.check()?;
+        Ok(texture)
+    }
+
+    /// Refuses images with a side longer than the device allows.
+    pub(crate) fn fits(&self, what: &str, side: u32) -> Result<(), HybridError> {
+        let limit = self.limits.max_texture_dimension_2d;
+        if side <= limit {
+            return Ok(());
+        }
+        Err(HybridError::TooLarge {
+            what: what.into(),
+            wanted: side.into(),
+            limit: limit.into(),
+            remedy: "use a smaller image or map",
+        })
+    }
+
+    /// Compiles a module; faults name it.
+    pub(crate) fn module(
+        &self,
+        name: &str,
+        source: String,
+    ) -> Result<wgpu::ShaderModule, HybridError> {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let descriptor = wgpu::ShaderModuleDescriptor {
+            label: Some(name),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        };
+        let module = self.device.create_shader_module(descriptor);
+        match pollster::block_on(scope.pop()) {
+            None => Ok(module),
+            Some(error) => {
+                Err(HybridError::Shader { module: name.into(), message: error.to_string() })
+            }
+        }
+    }
+
+    /// The layout of a bind group, bindings numbered in order.
+    pub(crate) fn layout(&self, label: &str, slots: &[Slot]) -> wgpu::BindGroupLayout {
+        let entries: Vec<_> = (0..).zip(slots).map(|(i, slot)| slot.entry(i)).collect();
+        self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(label),
+            entries: &entries,
+        })
+    }
+
+    /// A bind group with these resources, in order.
+    pub(crate) fn bind(
+        &self,
+        layout: &wgpu::BindGroupLayout,
+        resources: &[wgpu::BindingResource<'_>],
+    ) -> wgpu::BindGroup {
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout,
+            entries: &entries,
+        })
+    }
+
+    /// A compute pipeline.
+    pub(crate) fn compute(
+        &self,
+        module: &wgpu::ShaderModule,
+        entry: &str,
+        layouts: &[&wgpu::BindGroupLayout],
+        constants: &[(&str, f64)],
+    ) -> Result<wgpu::ComputePipeline, HybridError> {
+        let layout = self.pipeline_layout(layouts);
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&layout),
+            module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
+                ..wgpu::PipelineCompilationOptions::default()
+            },
+            cache: None,
+        });
+        self.check()?;
+        Ok(pipeline)
+    }
+
+    pub(crate) fn pipeline_layout(
+        &self,
+        layouts: &[&wgpu::BindGroupLayout],
+    ) -> wgpu::PipelineLayout {
+        let layouts: Vec<_> = layouts.iter().map(|l| Some(*l)).collect();
+        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &layouts,
+            immediate_size: 0,
+        })
+    }
+
+    /// Copies a buffer to the CPU and waits for it.
+    pub(crate) fn read<T: bytemuck::Pod>(
+        &self,
+        buffer: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<Vec<T>, HybridError> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let bytes = (count * size_of::<T>()) as u64;
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("readback"),
+            size: bytes.next_multiple_of(4),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes.next_multiple_of(4));
+        self.queue.submit([encoder.finish()]);
+        staging.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+        self.wait()?;
+        let mapped = staging
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|e| HybridError::DeviceLost(e.to_string()))?;
+        let (bytes, _) = mapped.split_at(count * size_of::<T>());
+        Ok(bytemuck::pod_collect_to_vec(bytes))
+    }
+}
+
+/// Keeps the first fault, but lets the loss of the device replace any other.
+fn note(fault: &Mutex<Option<HybridError>>, error: HybridError) {
+    let mut fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
+    if fault.is_none() || matches!(error, HybridError::DeviceLost(_)) {
+        *fault = Some(error);
+    }
+}
+
+fn choose(instance: &wgpu::Instance) -> Result<wgpu::Adapter, HybridError> {
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+    if adapters.is_empty() {
+        return Err(HybridError::NoAdapter("the Vulkan loader lists none".into()));
+    }
+    let position = match std::env::var(DEVICE_VARIABLE) {
+        Ok(wanted) if !wanted.is_empty() => {
+            let by_number = wanted.parse().ok().filter(|&i: &usize| i < adapters.len());
+            let low = wanted.to_lowercase();
+            let by_name = || names.iter().position(|name| name.to_lowercase().contains(&low));
+            by_number.or_else(by_name).ok_or_else(|| HybridError::UnknownAdapter {
+                wanted,
+                available: names.join(", "),
+            })?
+        }
+        _ => {
+            let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+                wgpu::DeviceType::DiscreteGpu => 0,
+                wgpu::DeviceType::IntegratedGpu => 1,
+                wgpu::DeviceType::VirtualGpu => 2,
+                wgpu::DeviceType::Other => 3,
+                wgpu::DeviceType::Cpu => 4,
+            };
+            (0..adapters.len()).min_by_key(|&i| rank(&adapters[i])).unwrap_or(0)
+        }
+    };
+    let chosen = adapters.into_iter().nth(position);
+    chosen.ok_or_else(|| HybridError::NoAdapter("the list changed".into()))
+}
+
+/// What a binding holds and which stages see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Slot {
+    /// A uniform buffer, for all stages.
+    Uniform,
+    /// A uniform buffer with an offset given at the draw, for all stages.
+    DynamicUniform,
+    /// A storage buffer that is read, in all stages.
+    Read,
+    /// A storage buffer that compute shaders read and write.
+    Write,
+    /// A texture that is read by pixel, in fragment and compute shaders.
+    Texture(wgpu::TextureSampleType, wgpu::TextureViewDimension),
+}
+
+impl Slot {
+    pub(crate) const UINT: Self =
+        Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2);
+    pub(crate) const UINT_ARRAY: Self =
+        Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array);
+    pub(crate) const DEPTH_ARRAY: Self =
+        Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array);
+    pub(crate) const COLOR_ARRAY: Self = Self::Texture(
+        wgpu::TextureSampleType::Float { filterable: false },
+        wgpu::TextureViewDimension::D2Array,
+    );
+
+    fn entry(self, binding: u32) -> wgpu::BindGroupLayoutEntry {
+        use wgpu::{BindingType, BufferBindingType, ShaderStages};
+        let buffer = |ty, has_dynamic_offset| BindingType::Buffer {
+            ty,
+            has_dynamic_offset,
+            min_binding_size: None,
+        };
+        let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
+        let (visibility, ty) = match self {
+            Self::Uniform => (all, buffer(BufferBindingType::Uniform, false)),
+            Self::DynamicUniform => (all, buffer(BufferBindingType::Uniform, true)),
+            Self::Read => (all, buffer(BufferBindingType::Storage { read_only: true }, false)),
+            Self::Write => (
+                ShaderStages::COMPUTE,
+                buffer(BufferBindingType::Storage { read_only: false }, false),
+            ),
+            Self::Texture(sample_type, view_dimension) => (
+                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
+                BindingType::Texture { sample_type, view_dimension, multisampled: false },
+            ),
+        };
+        wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
+    }
+}

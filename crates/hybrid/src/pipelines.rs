@@ -1,0 +1,299 @@
+//! Shader modules and pipelines, made when a frame first needs them.
+
+use crate::{
+    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, SampleRule, Settings, gpu::Slot,
+};
+use std::{
+    collections::HashMap,
+    hash::Hash,
+    sync::{Mutex, PoisonError},
+};
+
+/// Formats of a G-buffer: the surface, and in the primary view the triangle.
+pub(crate) const SURFACE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+pub(crate) const TRIANGLE: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
+pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// What is rasterised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Target {
+    Primary,
+    Face,
+    Shadow,
+}
+
+/// What a kernel leaves out or puts in; parts that do not differ share a pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Variant {
+    pub(crate) alpha: bool,
+    pub(crate) textures: bool,
+    pub(crate) trace_shadows: bool,
+    pub(crate) map_shadows: bool,
+    pub(crate) holds_all: bool,
+    pub(crate) follow: bool,
+    pub(crate) reflect: bool,
+    pub(crate) refract: bool,
+    pub(crate) use_map: bool,
+    pub(crate) as_printed: bool,
+    pub(crate) go_on: bool,
+    pub(crate) debug_view: u32,
+}
+
+impl Variant {
+    pub(crate) fn new(plan: &EffectPlan, settings: &Settings, textures: bool) -> Self {
+        let faces = crate::Face::ALL.iter().any(|f| plan.uses(Effect::CubeFace(*f)));
+        Self {
+            alpha: plan.uses(Effect::Alpha),
+            textures,
+            trace_shadows: plan.uses(Effect::ShadowRays),
+            map_shadows: plan.uses(Effect::ShadowMaps),
+            holds_all: plan.region_holds_all,
+            follow: plan.follows_rays(),
+            reflect: plan.uses(Effect::ReflectionRays),
+            refract: plan.uses(Effect::RefractionRays),
+            use_map: faces,
+            as_printed: settings.march.rule == SampleRule::AsPrinted,
+            go_on: settings.behind == Behind::GoOn,
+            debug_view: match settings.debug_view {
+                DebugView::None => 0,
+                DebugView::HitSource => 1,
+                DebugView::Normal => 2,
+                DebugView::MarchSteps => 3,
+            },
+        }
+    }
+
+    /// Constants of `hybrid/primary.wgsl`.
+    fn primary(&self) -> Vec<(&'static str, f64)> {
+        let flag = |b: bool| f64::from(u8::from(b));
+        vec![
+            ("ALPHA", flag(self.alpha)),
+            ("TEXTURES", flag(self.textures)),
+            ("TRACE_SHADOWS", flag(self.trace_shadows)),
+            ("MAP_SHADOWS", flag(self.map_shadows)),
+            ("HOLDS_ALL", flag(self.holds_all)),
+            ("DEBUG_VIEW", f64::from(self.debug_view)),
+        ]
+    }
+}
+
+/// All modules and the pipelines that were needed so far, for all renderers on a device.
+pub(crate) struct Pipelines {
+    raster: wgpu::ShaderModule,
+    primary: wgpu::ShaderModule,
+    trace: wgpu::ShaderModule,
+    deform: wgpu::ShaderModule,
+    size: wgpu::ShaderModule,
+    pub(crate) view_layout: wgpu::BindGroupLayout,
+    pub(crate) kernel_layout: wgpu::BindGroupLayout,
+    pub(crate) deform_layout: wgpu::BindGroupLayout,
+    pub(crate) size_layout: wgpu::BindGroupLayout,
+    rasters: Made<(Target, [bool; 2]), wgpu::RenderPipeline>,
+    primaries: Made<Variant, wgpu::ComputePipeline>,
+    traces: Made<Variant, wgpu::ComputePipeline>,
+    movers: Made<(), wgpu::ComputePipeline>,
+    sizers: Made<(), wgpu::ComputePipeline>,
+}
+
+/// What was made so far, by what it is made for.
+struct Made<K, V>(Mutex<HashMap<K, V>>);
+
+impl<K: Copy + Eq + Hash, V: Clone> Made<K, V> {
+    fn new() -> Self {
+        Self(Mutex::new(HashMap::new()))
+    }
+
+    fn get(&self, key: K, make: impl FnOnce() -> Result<V, HybridError>) -> Result<V, HybridError> {
+        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(value) = made.get(&key) {
+            return Ok(value.clone());
+        }
+        let value = make()?;
+        made.insert(key, value.clone());
+        Ok(value)
+    }
+}
+
+fn module(gpu: &Gpu, name: &str) -> Result<wgpu::ShaderModule, HybridError> {
+    let source = niwaki_shaders::source(name)
+        .map_err(|e| HybridError::Shader { module: name.into(), message: e.to_string() })?;
+    gpu.module(name, source)
+}
+
+impl Pipelines {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, HybridError> {
+        Ok(Self {
+            raster: module(gpu, "hybrid/gbuffer")?,
+            primary: module(gpu, "hybrid/primary")?,
+            trace: module(gpu, "hybrid/trace")?,
+            deform: module(gpu, "hybrid/deform")?,
+            size: module(gpu, "hybrid/size")?,
+            view_layout: gpu.layout("view", &[Slot::DynamicUniform]),
+            kernel_layout: gpu.layout(
+                "kernel",
+                &[
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::DEPTH_ARRAY,
+                    Slot::DEPTH_ARRAY,
+                    Slot::UINT_ARRAY,
+                    Slot::UINT,
+                    Slot::UINT,
+                    Slot::Write,
+                    Slot::Write,
+                    Slot::Write,
+                ],
+            ),
+            deform_layout: gpu.layout("deform", &[Slot::Read, Slot::Read, Slot::Write]),
+            size_layout: gpu.layout("size", &[Slot::Read, Slot::Write]),
+            rasters: Made::new(),
+            primaries: Made::new(),
+            traces: Made::new(),
+            movers: Made::new(),
+            sizers: Made::new(),
+        })
+    }
+
+    /// The pipeline that draws to a target.
+    pub(crate) fn raster(
+        &self,
+        gpu: &Gpu,
+        scene: &wgpu::BindGroupLayout,
+        target: Target,
+        variant: Variant,
+    ) -> Result<wgpu::RenderPipeline, HybridError> {
+        let Variant { alpha, textures, .. } = variant;
+        let key = (target, [alpha, textures]);
+        self.rasters.get(key, || self.make_raster(gpu, scene, target, alpha, textures))
+    }
+
+    fn make_raster(
+        &self,
+        gpu: &Gpu,
+        scene: &wgpu::BindGroupLayout,
+        target: Target,
+        alpha: bool,
+        textures: bool,
+    ) -> Result<wgpu::RenderPipeline, HybridError> {
+        let layout = gpu.pipeline_layout(&[scene, &self.view_layout]);
+        let color = |format| {
+            Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL })
+        };
+        let (entry, targets, compare) = match target {
+            Target::Primary => (
+                Some("primary_main"),
+                vec![color(SURFACE), color(TRIANGLE)],
+                wgpu::CompareFunction::Greater,
+            ),
+            Target::Face => (Some("face_main"), vec![color(SURFACE)], wgpu::CompareFunction::Less),
+            Target::Shadow => {
+                (alpha.then_some("shadow_main"), vec![], wgpu::CompareFunction::Greater)
+            }
+        };
+        let flag = |b: bool| f64::from(u8::from(b));
+        let constants = [("ALPHA", flag(alpha)), ("TEXTURES", flag(textures))];
+        let options = wgpu::PipelineCompilationOptions {
+            constants: &constants,
+            ..wgpu::PipelineCompilationOptions::default()
+        };
+        let attribute = |offset, shader_location, format| wgpu::VertexAttribute {
+            format,
+            offset,
+            shader_location,
+        };
+        let attributes = [
+            attribute(0, 0, wgpu::VertexFormat::Float32x3),
+            attribute(12, 1, wgpu::VertexFormat::Float32),
+            attribute(16, 2, wgpu::VertexFormat::Float32x3),
+            attribute(28, 3, wgpu::VertexFormat::Float32),
+        ];
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("raster"),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &self.raster,
+                entry_point: Some("vertex_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: 32,
+                    step_mode: wgpu::VertexStepMode::Vertex,
+                    attributes: &attributes,
+                })],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(compare),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: entry.map(|entry| wgpu::FragmentState {
+                module: &self.raster,
+                entry_point: Some(entry),
+                compilation_options: options,
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        gpu.check()?;
+        Ok(pipeline)
+    }
+
+    /// The kernel that shades the primary view.
+    pub(crate) fn primary(
+        &self,
+        gpu: &Gpu,
+        scene: &wgpu::BindGroupLayout,
+        variant: Variant,
+    ) -> Result<wgpu::ComputePipeline, HybridError> {
+        // What only the other kernel knows does not make another pipeline.
+        let variant = Variant {
+            reflect: false,
+            refract: false,
+            use_map: false,
+            as_printed: false,
+            go_on: false,
+            ..variant
+        };
+        let mut constants = variant.primary();
+        constants.push(("FOLLOW", f64::from(u8::from(variant.follow))));
+        let layouts = [scene, &self.kernel_layout];
+        let make = || gpu.compute(&self.primary, "primary", &layouts, &constants);
+        self.primaries.get(variant, make)
+    }
+
+    /// The kernel that follows rays.
+    pub(crate) fn trace(
+        &self,
+        gpu: &Gpu,
+        scene: &wgpu::BindGroupLayout,
+        variant: Variant,
+    ) -> Result<wgpu::ComputePipeline, HybridError> {
+        let mut constants = variant.primary();
+        let flag = |b: bool| f64::from(u8::from(b));
+        constants.extend([
+            ("REFLECT", flag(variant.reflect)),
+            ("REFRACT", flag(variant.refract)),
+            ("USE_MAP", flag(variant.use_map)),
+            ("AS_PRINTED", flag(variant.as_printed)),
+            ("GO_ON", flag(variant.go_on)),
+        ]);
+        let layouts = [scene, &self.kernel_layout];
+        self.traces.get(variant, || gpu.compute(&self.trace, "trace", &layouts, &constants))
+    }
+
+    /// The kernel that moves vertices.
+    pub(crate) fn deformer(&self, gpu: &Gpu) -> Result<wgpu::ComputePipeline, HybridError> {
+        self.movers.get((), || gpu.compute(&self.deform, "deform", &[&self.deform_layout], &[]))
+    }
+
+    /// The kernel that sizes the following of rays.
+    pub(crate) fn sizer(&self, gpu: &Gpu) -> Result<wgpu::ComputePipeline, HybridError> {
+        self.sizers.get((), || gpu.compute(&self.size, "size", &[&self.size_layout], &[]))
+    }
+}

@@ -1,0 +1,282 @@
+//! The renderer: what it keeps from frame to frame, and the making of a frame.
+
+mod record;
+
+use crate::{
+    Effect, EffectPlan, Face, Frame, FrameFacts, FrameReport, Gpu, HybridError, Kept, ObjectFacts,
+    Settings,
+    layout::{FrameInput, FrameUniform, GpuLight},
+    pipelines::{Pipelines, Variant},
+    report::Counters,
+    targets::{CubeMap, Layers, Screen, shadow_maps},
+    tree::NearTree,
+    upload::GpuScene,
+    views::{LightViews, light_views},
+};
+use glam::Vec4;
+use niwaki_core::Aabb;
+use niwaki_render::Image;
+use niwaki_scene::{Camera, Light, ObjectPose, Scene};
+use std::{sync::Arc, time::Instant};
+
+/// Renders frames of a scene on a GPU.
+///
+/// ```no_run
+/// use niwaki_hybrid::{Gpu, HybridRenderer, Settings};
+/// use std::sync::Arc;
+///
+/// let scene = niwaki_scene::generate::generate("atrium", 100_000, 1).ok_or("no such scene")?;
+/// let gpu = Gpu::new()?;
+/// let camera = scene.cameras[0];
+/// let mut renderer = HybridRenderer::new(&gpu, Arc::new(scene), Settings::default())?;
+/// let frame = renderer.render(&camera, 320, 180, 0.0)?;
+/// println!("{}\n{:?}", frame.plan, frame.report.counters);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// The renderer decides anew in each frame which passes run ([`EffectPlan`]), and keeps what still
+/// holds. After an error nothing is kept; after [`HybridError::DeviceLost`] it is of no more use.
+pub struct HybridRenderer {
+    gpu: Gpu,
+    scene: Arc<Scene>,
+    settings: Settings,
+    uploaded: GpuScene,
+    pipelines: Arc<Pipelines>,
+    screen: Option<Screen>,
+    cube: CubeMap,
+    shadows: Layers,
+    tree: NearTree,
+    /// Lights that shine.
+    lights: Vec<Light>,
+    kept: Option<Kept>,
+    poses: Option<Vec<ObjectPose>>,
+}
+
+impl std::fmt::Debug for HybridRenderer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("HybridRenderer")
+            .field("device", &self.gpu.name())
+            .field("scene", &self.scene.name)
+            .field("triangles", &self.uploaded.triangles())
+            .field("settings", &self.settings)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What a frame is recorded from.
+struct Scenery {
+    plan: EffectPlan,
+    objects: Vec<ObjectFacts>,
+    poses: Vec<ObjectPose>,
+    lights: Vec<LightViews>,
+    camera: Camera,
+    size: [u32; 2],
+    variant: Variant,
+}
+
+impl HybridRenderer {
+    /// Uploads a scene and compiles the kernels.
+    ///
+    /// # Errors
+    /// [`HybridError::TooLarge`] if the scene does not fit the device, and what the device reports.
+    pub fn new(gpu: &Gpu, scene: Arc<Scene>, settings: Settings) -> Result<Self, HybridError> {
+        gpu.check()?;
+        let settings = settings.sanitized();
+        let lit = |l: &&Light| l.intensity.max_element() > 0.0;
+        Ok(Self {
+            gpu: gpu.clone(),
+            uploaded: GpuScene::new(gpu, &scene, &settings)?,
+            pipelines: gpu.pipelines()?,
+            screen: None,
+            cube: CubeMap::new(gpu, 1)?,
+            shadows: shadow_maps(gpu, 1, 1)?,
+            tree: NearTree::empty(gpu)?,
+            lights: scene.lights.iter().filter(lit).copied().collect(),
+            kept: None,
+            poses: None,
+            scene,
+            settings,
+        })
+    }
+
+    /// The settings, each within its range.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Changes the settings; nothing is kept from earlier frames.
+    pub fn set_settings(&mut self, settings: Settings) {
+        self.settings = settings.sanitized();
+        self.uploaded.restate(&self.gpu, &self.scene, &self.settings);
+        self.kept = None;
+    }
+
+    /// What the next frame with this view would do, and why.
+    #[must_use]
+    pub fn plan(&self, camera: &Camera, width: u32, height: u32, time: f64) -> EffectPlan {
+        let poses = self.scene.poses(time);
+        let objects = self.uploaded.objects_at(&poses, self.poses.as_deref());
+        self.decide(camera, [width, height], &objects)
+    }
+
+    fn decide(&self, camera: &Camera, size: [u32; 2], objects: &[ObjectFacts]) -> EffectPlan {
+        EffectPlan::decide(&FrameFacts {
+            scene: &self.uploaded.facts,
+            objects,
+            camera,
+            width: size[0],
+            height: size[1],
+            settings: &self.settings,
+            kept: self.kept.as_ref(),
+        })
+    }
+
+    /// Renders a frame as it stands at `time` (seconds) and fetches its image. An image without
+    /// pixels takes no work.
+    ///
+    /// # Errors
+    /// [`HybridError::BadCamera`], [`HybridError::TooLarge`], [`HybridError::OutOfMemory`] and
+    /// [`HybridError::DeviceLost`].
+    pub fn render(
+        &mut self,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+        time: f64,
+    ) -> Result<Frame, HybridError> {
+        let (plan, report) = self.draw(camera, width, height, time)?;
+        Ok(Frame { image: self.image()?, plan, report })
+    }
+
+    /// Renders a frame and leaves its image on the GPU.
+    ///
+    /// # Errors
+    /// As [`HybridRenderer::render`].
+    pub fn draw(
+        &mut self,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+        time: f64,
+    ) -> Result<(EffectPlan, FrameReport), HybridError> {
+        self.gpu.check()?;
+        check_camera(camera)?;
+        // What is kept is known to hold only if this frame succeeds.
+        let kept = self.kept.take();
+        let poses = self.poses.take();
+        let start = Instant::now();
+        let scenery = self.prepare(camera, [width, height], time, kept, poses.as_deref())?;
+        let mut report = if width == 0 || height == 0 {
+            self.screen = None;
+            FrameReport::default()
+        } else {
+            self.record(&scenery)?
+        };
+        report.total = start.elapsed();
+        self.kept = Some(scenery.plan.kept.clone());
+        self.poses = Some(scenery.poses);
+        Ok((scenery.plan, report))
+    }
+
+    /// Fetches the image of the last frame.
+    ///
+    /// # Errors
+    /// As [`HybridRenderer::render`].
+    pub fn image(&self) -> Result<Image, HybridError> {
+        let Some(screen) = &self.screen else { return Ok(Image::black(0, 0)) };
+        let [width, height] = screen.size;
+        let count = width as usize * height as usize;
+        let pixels: Vec<Vec4> = self.gpu.read(&screen.image, count)?;
+        let pixels = pixels.into_iter().map(Vec4::truncate).collect();
+        Ok(Image::from_pixels(width, height, pixels).unwrap_or_else(|| Image::black(0, 0)))
+    }
+
+    fn prepare(
+        &mut self,
+        camera: &Camera,
+        size: [u32; 2],
+        time: f64,
+        kept: Option<Kept>,
+        last: Option<&[ObjectPose]>,
+    ) -> Result<Scenery, HybridError> {
+        let poses = self.scene.poses(time);
+        let objects = self.uploaded.objects_at(&poses, last);
+        self.kept = kept;
+        let plan = self.decide(camera, size, &objects);
+        self.kept = None;
+        let bounds = objects.iter().fold(Aabb::EMPTY, |b, o| b.union(o.bounds));
+        let lights = light_views(&self.lights, bounds);
+        let textures = self.settings.force_all || self.uploaded.facts.has_textures();
+        let variant = Variant::new(&plan, &self.settings, textures);
+        Ok(Scenery { plan, objects, poses, lights, camera: *camera, size, variant })
+    }
+
+    /// Makes what the plan needs and is not there yet.
+    fn make_room(&mut self, scenery: &Scenery) -> Result<(), HybridError> {
+        let plan = &scenery.plan;
+        if self.screen.as_ref().is_none_or(|s| s.size != scenery.size) {
+            self.screen = None;
+            self.screen = Some(Screen::new(&self.gpu, scenery.size)?);
+        }
+        let side = self.settings.face_resolution.max(1);
+        if scenery.variant.use_map && self.cube.depth.side != side {
+            self.cube = CubeMap::new(&self.gpu, side)?;
+        }
+        let layers = scenery.lights.iter().map(|l| niwaki_core::to_u32(l.views.len())).sum::<u32>();
+        let side = self.settings.shadow_resolution.max(1);
+        let there = (self.shadows.side, niwaki_core::to_u32(self.shadows.each.len()));
+        if plan.runs(Effect::ShadowMaps) && there != (side, layers.max(1)) {
+            self.shadows = shadow_maps(&self.gpu, side, layers)?;
+        }
+        Ok(())
+    }
+
+    fn uniform(&self, scenery: &Scenery) -> FrameUniform {
+        let plan = &scenery.plan;
+        let face_mask = Face::ALL
+            .iter()
+            .filter(|f| plan.uses(Effect::CubeFace(**f)))
+            .fold(0, |mask, f| mask | 1 << f.index());
+        FrameUniform::new(&FrameInput {
+            camera: &scenery.camera,
+            size: scenery.size,
+            region: &plan.region,
+            settings: &self.settings,
+            environment: &self.scene.environment,
+            sky: plan.uses(Effect::Sky),
+            face_mask,
+            light_count: niwaki_core::to_u32(self.lights.len()),
+        })
+    }
+
+    fn gpu_lights(&self, scenery: &Scenery) -> Vec<GpuLight> {
+        let side = self.settings.shadow_resolution.max(1) as f32;
+        self.lights
+            .iter()
+            .zip(&scenery.lights)
+            .map(|(light, views)| GpuLight::new(light, views.layer, views.width / side))
+            .collect()
+    }
+
+    fn counters(&self, screen: &Screen) -> Result<Counters, HybridError> {
+        let words: Vec<u32> = self.gpu.read(&screen.counters, 2 * Counters::COUNT)?;
+        Ok(Counters::from_words(&words))
+    }
+}
+
+/// Refuses cameras that no ray can be made from.
+fn check_camera(camera: &Camera) -> Result<(), HybridError> {
+    let finite = camera.position.is_finite() && camera.forward.is_finite() && camera.up.is_finite();
+    let fov = camera.vertical_fov;
+    if !(finite && fov > 0.0 && fov < std::f32::consts::PI) {
+        return Err(HybridError::BadCamera(format!("{camera:?}")));
+    }
+    let lengths = [camera.forward.length(), camera.up.length(), camera.right().length()];
+    if lengths.iter().any(|l| (l - 1.0).abs() > 0.01) {
+        return Err(HybridError::BadCamera(format!(
+            "its directions are not of unit length or not perpendicular: {camera:?}"
+        )));
+    }
+    Ok(())
+}

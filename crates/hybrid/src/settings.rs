@@ -1,0 +1,234 @@
+//! What to simulate and how finely.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Half the side of the cube around the camera within which rays meet triangles.
+///
+/// Ganestam and Doggett 2014, section 3.3: "the size of the BVH and cube map can be chosen
+/// arbitrarily and as the BVH is increased in size ... our method converges towards a complete
+/// Whitted ray tracer".
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum NearRegion {
+    /// In units of length of the scene.
+    HalfSize(f32),
+    /// As a share of the longest side of the scene's bounds; 0.1 covers a fifth of it.
+    ShareOfScene(f32),
+    /// As large as it takes to hold the scene: the cube map stays empty and every ray is traced.
+    WholeScene,
+}
+
+/// How many samples a march through a face takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum SampleRule {
+    /// n = `n_min` + (1 − |r_z|)·(`n_max` − `n_min`), r being the unit direction of the ray in the
+    /// face's normalised device coordinates: many samples for rays that cross many pixels, few
+    /// for those that look into the face. Never more than the pixels that the ray crosses.
+    Grazing,
+    /// n = `n_min` + |r_z|·(`n_max` − `n_min`), the formula as section 3.4 prints it, for
+    /// comparison: it spends most samples where the ray stays within a few pixels.
+    AsPrinted,
+}
+
+/// How rays are followed through the depth of a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct March {
+    /// Fewest samples in a face.
+    pub n_min: u32,
+    /// Most samples in a face.
+    pub n_max: u32,
+    /// What lies between depends on the direction by this rule.
+    pub rule: SampleRule,
+}
+
+/// What becomes of a ray that passes behind a surface of the cube map, where the map knows
+/// nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Behind {
+    /// It goes to the environment, as in the paper.
+    Sky,
+    /// It goes on until it comes out in front again, meets another surface or leaves the map.
+    GoOn,
+}
+
+/// How surfaces find out which lights they see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Shadows {
+    /// Not at all: every light shines through everything.
+    None,
+    /// Shadow maps everywhere (section 3.5).
+    Maps,
+    /// Rays inside the near region, exact there; where such a ray leaves the region, and for
+    /// surfaces outside of it, the shadow map says what stands between there and the light.
+    Traced,
+}
+
+/// What the image shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum DebugView {
+    /// The rendering.
+    #[default]
+    None,
+    /// Where the first ray that left each pixel's surface ended: grey without such a ray, blue in
+    /// the near region, red in the cube map (a shade a face), light blue in the sky, magenta where
+    /// it passed behind a surface of the map and nothing was known.
+    HitSource,
+    /// Shading normals of the primary view, as (n + 1) / 2.
+    Normal,
+    /// Samples of the cube map that each pixel's rays took, relative to 512.
+    MarchSteps,
+}
+
+/// What to simulate and how finely. Everything here trades time for accuracy; `docs/hybrid.md` has
+/// the measured curves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// The region around the camera that is traced.
+    pub near_region: NearRegion,
+    /// By how much of its size the traced region reaches over the border of the map, so that no
+    /// gap opens between them by rounding (section 3.3). 0 to 0.5, default 0.01.
+    pub overlap: f32,
+    /// Width and height of a face of the cube map in pixels, 1 to 16384.
+    pub face_resolution: u32,
+    /// The march through a face.
+    pub march: March,
+    /// What becomes of rays that pass behind the map's surfaces.
+    pub behind: Behind,
+    /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
+    /// behind their fronts surfaces of the map still count as met. Default 1.
+    pub thickness: f32,
+    /// Most surfaces at which a path may be reflected or refracted, 0 to 16. 0 shows no reflections.
+    pub max_depth: u32,
+    /// Rays that count less than this in every colour channel are not followed; 0 (the default)
+    /// follows all that count at all.
+    pub throughput_cutoff: f32,
+    /// Most rays that follow from one pixel. Default 65,536, which no depth up to 15 reaches.
+    pub max_rays: u32,
+    /// Ambient light: the share of the environment that surfaces see on average, 0 to 1.
+    pub ambient: f32,
+    /// Perceptual roughness up to which surfaces are mirrors.
+    pub mirror_roughness: f32,
+    /// How shadows are found.
+    pub shadows: Shadows,
+    /// Width and height of each shadow map in pixels, 1 to 16384.
+    pub shadow_resolution: u32,
+    /// Run every pass, also those that nothing calls for. For tests and measurements: the image
+    /// is the same.
+    pub force_all: bool,
+    /// What the image shows.
+    pub debug_view: DebugView,
+}
+
+impl Default for Settings {
+    /// Half a region of 0.15 of the scene, faces of 1024², 16 to 192 samples, depth 4, traced
+    /// shadows with maps of 2048² beyond.
+    fn default() -> Self {
+        Self {
+            near_region: NearRegion::ShareOfScene(0.15),
+            overlap: 0.01,
+            face_resolution: 1024,
+            march: March { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            behind: Behind::GoOn,
+            thickness: 1.0,
+            max_depth: 4,
+            throughput_cutoff: 0.0,
+            max_rays: 1 << 16,
+            ambient: 0.5,
+            mirror_roughness: niwaki_scene::SceneFacts::MIRROR_ROUGHNESS,
+            shadows: Shadows::Traced,
+            shadow_resolution: 2048,
+            force_all: false,
+            debug_view: DebugView::None,
+        }
+    }
+}
+
+impl Settings {
+    /// A small region, small maps, few samples, shadow maps only.
+    #[must_use]
+    pub fn fast() -> Self {
+        Self {
+            near_region: NearRegion::ShareOfScene(0.05),
+            face_resolution: 512,
+            march: March { n_min: 8, n_max: 64, rule: SampleRule::Grazing },
+            max_depth: 2,
+            shadows: Shadows::Maps,
+            shadow_resolution: 1024,
+            ..Self::default()
+        }
+    }
+
+    /// A large region, large maps and many samples.
+    #[must_use]
+    pub fn fine() -> Self {
+        Self {
+            near_region: NearRegion::ShareOfScene(0.3),
+            face_resolution: 2048,
+            march: March { n_min: 32, n_max: 512, rule: SampleRule::Grazing },
+            max_depth: 8,
+            shadow_resolution: 4096,
+            ..Self::default()
+        }
+    }
+
+    /// No approximation: the region holds the scene, and the image is that of the Whitted
+    /// integrator of `niwaki-render` at the same depth.
+    #[must_use]
+    pub fn exact() -> Self {
+        Self { near_region: NearRegion::WholeScene, ..Self::fine() }
+    }
+
+    /// As the paper describes it: marched rays that pass behind go to the sky, shadows by maps.
+    #[must_use]
+    pub fn paper() -> Self {
+        Self { behind: Behind::Sky, shadows: Shadows::Maps, ..Self::default() }
+    }
+
+    /// The settings with every value brought into its range; what is not a number becomes the
+    /// default.
+    #[must_use]
+    pub fn sanitized(&self) -> Self {
+        let standard = Self::default();
+        let within = |x: f32, low: f32, high: f32, or: f32| {
+            if x.is_nan() { or } else { x.clamp(low, high) }
+        };
+        let near_region = match self.near_region {
+            NearRegion::HalfSize(x) if x.is_finite() => NearRegion::HalfSize(x.max(0.0)),
+            NearRegion::ShareOfScene(x) if x.is_finite() => NearRegion::ShareOfScene(x.max(0.0)),
+            NearRegion::HalfSize(x) | NearRegion::ShareOfScene(x) if x.is_nan() => {
+                standard.near_region
+            }
+            _ => NearRegion::WholeScene,
+        };
+        let n_min = self.march.n_min.clamp(1, 4096);
+        Self {
+            near_region,
+            overlap: within(self.overlap, 0.0, 0.5, standard.overlap),
+            march: March { n_min, n_max: self.march.n_max.clamp(n_min, 4096), ..self.march },
+            thickness: within(self.thickness, 0.0, f32::MAX, standard.thickness),
+            max_depth: self.max_depth.min(MAX_DEPTH),
+            throughput_cutoff: within(self.throughput_cutoff, 0.0, 1.0, 0.0),
+            ambient: within(self.ambient, 0.0, 1.0, standard.ambient),
+            mirror_roughness: within(self.mirror_roughness, 0.0, 1.0, standard.mirror_roughness),
+            ..self.clone()
+        }
+    }
+}
+
+/// The deepest recursion: the size of the stack of pending rays in the tracing kernel.
+pub const MAX_DEPTH: u32 = 16;
+
+impl fmt::Display for NearRegion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::HalfSize(x) => write!(f, "half size {x}"),
+            Self::ShareOfScene(x) => write!(f, "{x} of the scene"),
+            Self::WholeScene => f.write_str("the whole scene"),
+        }
+    }
+}

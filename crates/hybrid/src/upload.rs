@@ -1,0 +1,192 @@
+//! A scene on the GPU.
+
+use crate::{
+    Gpu, HybridError, ObjectFacts, Settings,
+    atlas::Atlas,
+    gpu::Slot,
+    layout::{FrameUniform, GpuMaterial, MovedObject, Vertex},
+};
+use glam::{Vec2, Vec3};
+use niwaki_core::to_u32;
+use niwaki_scene::{ObjectPose, Scene, SceneFacts};
+use std::ops::Range;
+use wgpu::BufferUsages;
+
+/// The most materials that a pixel of a G-buffer can name.
+const MOST_MATERIALS: u64 = 1 << 16;
+
+/// Triangles, materials and textures on the GPU, and the objects of the scene on the CPU.
+pub(crate) struct GpuScene {
+    /// Vertices as they stand in this frame.
+    pub(crate) vertices: wgpu::Buffer,
+    pub(crate) indices: wgpu::Buffer,
+    /// Vertices at rest; only with dynamic objects.
+    rest: Option<wgpu::Buffer>,
+    materials: wgpu::Buffer,
+    frame: wgpu::Buffer,
+    pub(crate) layout: wgpu::BindGroupLayout,
+    pub(crate) group: wgpu::BindGroup,
+    pub(crate) facts: SceneFacts,
+    /// The objects at rest.
+    pub(crate) objects: Vec<ObjectFacts>,
+    vertex_ranges: Vec<Range<u32>>,
+}
+
+impl GpuScene {
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self, HybridError> {
+        let facts = SceneFacts::new(scene, settings.mirror_roughness);
+        let objects = ObjectFacts::of(scene, &facts);
+        let vertex_ranges: Vec<_> =
+            scene.objects_or_whole().iter().map(|o| o.vertices.clone()).collect();
+        let vertices: Vec<Vertex> = (0..scene.mesh.positions().len())
+            .map(|i| {
+                let uv = scene.uvs.get(i).copied().filter(|v| v.is_finite()).unwrap_or(Vec2::ZERO);
+                let normal =
+                    scene.normals.get(i).copied().filter(|n| n.is_finite()).unwrap_or(Vec3::ZERO);
+                Vertex { position: scene.mesh.positions()[i], u: uv.x, normal, v: uv.y }
+            })
+            .collect();
+        if scene.materials.len() as u64 > MOST_MATERIALS {
+            return Err(HybridError::TooLarge {
+                what: "the list of materials".into(),
+                wanted: scene.materials.len() as u64,
+                limit: MOST_MATERIALS,
+                remedy: "merge materials that are equal",
+            });
+        }
+        let count = scene.materials.len();
+        let ids: Vec<u32> = (0..scene.mesh.len())
+            .map(|i| scene.material_ids.get(i).copied().filter(|&id| (id as usize) < count))
+            .map(|id| id.unwrap_or(0))
+            .collect();
+        let atlas = Atlas::new(gpu, &scene.textures)?;
+        let storage = BufferUsages::STORAGE;
+        let indices: &[u32] = bytemuck::cast_slice(scene.mesh.indices());
+        let dynamic = objects.iter().any(|o| o.dynamic);
+        let rest =
+            if dynamic { Some(gpu.upload("vertices at rest", &vertices, storage)?) } else { None };
+        let vertices = gpu.upload("vertices", &vertices, storage | BufferUsages::VERTEX)?;
+        let indices = gpu.upload("indices", indices, storage | BufferUsages::INDEX)?;
+        let ids = gpu.upload("material numbers", &ids, storage)?;
+        let materials =
+            gpu.buffer("materials", (count.max(1) * size_of::<GpuMaterial>()) as u64, storage)?;
+        let infos = gpu.upload("texture places", &atlas.infos, storage)?;
+        let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, BufferUsages::UNIFORM)?;
+        let layout = gpu.layout(
+            "scene",
+            &[
+                Slot::Uniform,
+                Slot::Read,
+                Slot::Read,
+                Slot::Read,
+                Slot::Read,
+                Slot::Read,
+                Slot::COLOR_ARRAY,
+            ],
+        );
+        let group = gpu.bind(
+            &layout,
+            &[
+                frame.as_entire_binding(),
+                vertices.as_entire_binding(),
+                indices.as_entire_binding(),
+                ids.as_entire_binding(),
+                materials.as_entire_binding(),
+                infos.as_entire_binding(),
+                wgpu::BindingResource::TextureView(&atlas.view),
+            ],
+        );
+        let uploaded = Self {
+            vertices,
+            indices,
+            rest,
+            materials,
+            frame,
+            layout,
+            group,
+            facts,
+            objects,
+            vertex_ranges,
+        };
+        uploaded.write_materials(gpu, scene, settings);
+        gpu.check()?;
+        Ok(uploaded)
+    }
+
+    /// Looks at the materials again under other settings.
+    pub(crate) fn restate(&mut self, gpu: &Gpu, scene: &Scene, settings: &Settings) {
+        self.facts = SceneFacts::new(scene, settings.mirror_roughness);
+        self.objects = ObjectFacts::of(scene, &self.facts);
+        self.write_materials(gpu, scene, settings);
+    }
+
+    fn write_materials(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) {
+        let bounds = scene.mesh.bounds();
+        let diagonal = if bounds.is_empty() {
+            1.0
+        } else {
+            (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length().min(1e30)
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "at most 1e30")]
+        let diagonal = diagonal as f32;
+        let materials: Vec<GpuMaterial> = scene
+            .materials
+            .iter()
+            .zip(&self.facts.materials)
+            .map(|(m, f)| GpuMaterial::new(m, f, settings, diagonal, scene.textures.len()))
+            .collect();
+        gpu.queue.write_buffer(&self.materials, 0, bytemuck::cast_slice(&materials));
+    }
+
+    pub(crate) fn write_frame(&self, gpu: &Gpu, frame: &FrameUniform) {
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+    }
+
+    /// The facts of the objects at these poses; `last` are those of the frame before.
+    pub(crate) fn objects_at(
+        &self,
+        poses: &[ObjectPose],
+        last: Option<&[ObjectPose]>,
+    ) -> Vec<ObjectFacts> {
+        self.objects
+            .iter()
+            .enumerate()
+            .map(|(i, object)| {
+                let rest = ObjectPose::REST;
+                let pose = poses.get(i).unwrap_or(&rest);
+                let before = last.and_then(|l| l.get(i));
+                let moved = object.dynamic && before.is_some_and(|before| before != pose);
+                ObjectFacts {
+                    bounds: pose.bounds(object.bounds),
+                    moved_from: before.filter(|_| moved).map(|b| b.bounds(object.bounds)),
+                    ..object.clone()
+                }
+            })
+            .collect()
+    }
+
+    /// Vertices at rest and the list of objects to be moved, as `hybrid/deform.wgsl` takes them;
+    /// `None` if nothing is dynamic.
+    pub(crate) fn moved(&self, poses: &[ObjectPose]) -> Option<(&wgpu::Buffer, Vec<MovedObject>)> {
+        let rest = self.rest.as_ref()?;
+        let moved: Vec<MovedObject> = self
+            .vertex_ranges
+            .iter()
+            .zip(&self.objects)
+            .zip(poses)
+            .filter(|((range, object), _)| object.dynamic && !range.is_empty())
+            .map(|((range, _), pose)| MovedObject {
+                pose: *pose,
+                first: range.start,
+                count: range.end - range.start,
+                pad: [0; 2],
+            })
+            .collect();
+        (!moved.is_empty()).then_some((rest, moved))
+    }
+
+    /// Number of triangles.
+    pub(crate) fn triangles(&self) -> u32 {
+        to_u32(self.facts.triangles)
+    }
+}
