@@ -64,6 +64,13 @@ cargo xtask trace --scene city:2000 --rays out/ci-rays.csv --out out/ci-trace/br
 cmp out/ci-trace/hits.csv out/ci-trace/brute.csv
 test "$(grep -c -- '-1$' out/ci-trace/hits.csv)" = 1
 
+step "pictures, small"
+cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode whitted --explain --out out/ci-render
+# Needs the Vulkan device that was installed above.
+if [ "$setup" = 1 ]; then
+  cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode hybrid --explain --out out/ci-render
+fi
+
 step "report, merged"
 cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report
 

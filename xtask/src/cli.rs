@@ -27,7 +27,7 @@ pub(crate) enum Command {
     Accuracy(AccuracyArgs),
     /// Merge results files into one report.
     Report(ReportArgs),
-    /// Draw pictures of a scene: path traced, or by mirrors, glass and hard shadows alone.
+    /// Draw pictures of a scene: by the hybrid renderer on the GPU, or references on the CPU.
     Render(Box<RenderArgs>),
     /// Regenerate the thesis's tables of builders beside the published values.
     Thesis(Box<ThesisArgs>),

@@ -20,7 +20,7 @@
 //!
 //! Beside the catalogue stand ordinary geometry ([`soup`], [`sheet`]) and a tree over it
 //! ([`median_tree`]), so that benchmarks, examples and tests need not each make their own, and an
-//! allocator that counts ([`counting`]), for tests of memory bounds.
+//! allocator that counts ([`counting`]), for tests of memory bounds, and small scene files ([`files`]).
 //!
 //! Sources: the issue trackers of tinybvh (#138, #156, #164, #168, #282, #283), Embree (#174,
 //! #181, #387), svenstaro/bvh (#44) and parry (#444), Embree's and pbrt-v4's regression tests, and
@@ -28,6 +28,7 @@
 
 mod closed;
 pub mod counting;
+pub mod files;
 mod meshes;
 mod plain;
 mod rays;

@@ -193,3 +193,19 @@ fn transforms_out_of_range_drop_their_triangles() {
     let scene = load(&folder.file("far.glb", glb(&square_json(nodes, ""), &square()))).unwrap();
     assert_eq!((scene.mesh.len(), scene.dropped.non_finite_triangles), (2, 2));
 }
+
+#[test]
+fn every_instance_is_an_object_with_bounds_of_its_own() {
+    let nodes = r#"{"mesh":0,"children":[1]},{"mesh":0,"translation":[5,0,0]}"#;
+    let folder = Folder::new();
+    let scene = load(&folder.file("two.glb", glb(&square_json(nodes, ""), &square()))).unwrap();
+    let ranges: Vec<_> =
+        scene.objects.iter().map(|o| (o.triangles.clone(), o.vertices.clone())).collect();
+    assert_eq!(ranges, [(0..2, 0..4), (2..4, 4..8)]);
+    let from: Vec<f32> = scene.objects.iter().map(|o| o.bounds.min.x).collect();
+    assert_eq!(from, [0.0, 5.0]);
+    assert!(scene.objects.iter().all(|o| !o.dynamic) && scene.animation.is_none());
+    // Each is a sixth of the scene long, or nearly: neither wall nor ground.
+    let thickness = scene.material(0).thickness;
+    assert!((thickness - 1.0 / 37.0_f32.sqrt()).abs() < 1e-5, "{thickness}");
+}

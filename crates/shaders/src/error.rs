@@ -54,8 +54,8 @@ pub enum ShaderError {
         /// All its compute entry points.
         known: String,
     },
-    /// A constant is missing, unknown, or has a value that its type or place does not allow. Remedy: as
-    /// the message says.
+    /// A constant is missing, unknown, or has a value that its type or place does not allow.
+    /// Remedy: as the message says.
     #[error("constants of {module}.wgsl: {message}")]
     Constant {
         /// The module.

@@ -14,23 +14,24 @@
 //!
 //! # Imports
 //!
-//! A line `//!import NAME` puts the file `NAME.wgsl` before the file that has the line, once however
-//! often it is imported, so that a file may rely on all names of what it imports and on nothing else.
-//! Names are global; by custom those of a shared file begin with its name. Unknown names and cycles are
-//! errors that say in which file and line, and errors of the language are reported at the line of the
-//! file they are in, not of the text that imports make.
+//! A line `//!import NAME` puts the file `NAME.wgsl` before the file that has the line, once
+//! however often it is imported, so that a file may rely on all names of what it imports and on
+//! nothing else. Names are global; by custom those of a shared file begin with its name. Unknown
+//! names and cycles are errors that say in which file and line, and errors of the language are
+//! reported at the line of the file they are in, not of the text that imports make.
 //!
 //! # Constants
 //!
-//! What varies from pipeline to pipeline (a mode, the size of a workgroup) is an `override` constant,
-//! given by name in [`Options::constants`]. wgpu takes the same names in its pipeline's `constants`.
+//! What varies from pipeline to pipeline (a mode, the size of a workgroup) is an `override`
+//! constant, given by name in [`Options::constants`]. wgpu takes the same names in its pipeline's
+//! `constants`.
 //!
 //! # Arithmetic
 //!
 //! Kernels that must give the bits of their CPU twins rely on IEEE operations being carried out as
-//! written. Vulkan promises correctly rounded sums and products, but lets a driver fuse and rearrange
-//! them unless told otherwise; [`Options::exact`], which is the default, tells it. WGSL has no such
-//! promise, so the same text run through wgpu may round differently.
+//! written. Vulkan promises correctly rounded sums and products, but lets a driver fuse and
+//! rearrange them unless told otherwise; [`Options::exact`], which is the default, tells it. WGSL
+//! has no such promise, so the same text run through wgpu may round differently.
 //!
 //! There are no feature flags.
 

@@ -42,6 +42,7 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "lbvh/morton",
     "lbvh/rank",
     "lbvh/scan",
+    "lbvh/scene",
     "lbvh/sort",
     "lbvh/state",
     "lbvh/tree",

@@ -14,12 +14,13 @@ const NO_CONTRACTION: u32 = 42;
 /// GLSL.std.450's fused multiply-add.
 const FMA: u32 = 50;
 
-/// Floating-point arithmetic that could be fused or rearranged: FNegate, FAdd, FSub, FMul, FDiv, FRem,
-/// FMod, and products of vectors and matrices.
+/// Floating-point arithmetic that could be fused or rearranged: FNegate, FAdd, FSub, FMul, FDiv,
+/// FRem, FMod, and products of vectors and matrices.
 const ARITHMETIC: [u16; 14] =
     [127, 129, 131, 133, 136, 140, 141, 142, 143, 144, 145, 146, 147, 148];
 
-/// An instruction: where it begins, its opcode and its words, the first of which is opcode and count.
+/// An instruction: where it begins, its opcode and its words, the first of which is opcode and
+/// count.
 struct Instruction<'a> {
     at: usize,
     opcode: u16,
@@ -38,8 +39,8 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = Instruction<'_>> {
     })
 }
 
-/// Marks arithmetic as exact if asked to, and leaves out the zeros that the translator puts into every
-/// array of a function: a traversal stack would be cleared for each ray.
+/// Marks arithmetic as exact if asked to, and leaves out the zeros that the translator puts into
+/// every array of a function: a traversal stack would be cleared for each ray.
 pub(crate) fn finish(words: Vec<u32>, exact: bool) -> Vec<u32> {
     let mut arrays = HashSet::new();
     let mut array_pointers = HashSet::new();

@@ -106,6 +106,11 @@ fn projected(test: Test, corner: vec3f) -> vec3f {
     );
 }
 
+/// x, but 0 for −0. By the bits: adding zero is what compilers leave out.
+fn positive_zero(x: f32) -> f32 {
+    return select(x, 0.0, (bitcast<u32>(x) << 1u) == 0u);
+}
+
 /// a·b − c·d by Kahan's algorithm.
 fn det2(a: f32, b: f32, c: f32, d: f32) -> f32 {
     let q = c * d;
@@ -130,8 +135,8 @@ fn met_watertight(test: Test, v0: vec3f, v1: vec3f, v2: vec3f) -> Hit {
     let det = w.x + (w.y + w.z);
     let depth = madd(w.x, a.z, madd(w.y, b.z, w.z * c.z));
     if !is_overflow && CERTAIN <= min(w.x, min(w.y, w.z)) && is_finite(depth) {
-        // Adding a positive zero leaves no negative one.
-        return Hit(divide(depth, det * test.direction.z) + 0.0, divide(w.y, det), divide(w.z, det), 0u);
+        let t = divide(depth, det * test.direction.z);
+        return Hit(positive_zero(t), divide(w.y, det), divide(w.z, det), 0u);
     }
     return decided(a, b, c, test.direction.z);
 }
@@ -194,5 +199,5 @@ fn decided(pa: vec3f, pb: vec3f, pc: vec3f, along: f32) -> Hit {
     let z = vec3f(scaled_by(pa.z, f), scaled_by(pb.z, f), scaled_by(pc.z, f));
     let depth = madd(w.x, z.x, madd(w.y, z.y, w.z * z.z));
     let t = scaled_by(divide(divide(depth, det), along), -f);
-    return Hit(t + 0.0, divide(w.y, det), divide(w.z, det), 0u);
+    return Hit(positive_zero(t), divide(w.y, det), divide(w.z, det), 0u);
 }

@@ -18,8 +18,9 @@ const BINDINGS: u32 = 8;
 
 /// Commands that run one after the other when they are submitted.
 ///
-/// Every command sees what those before it wrote: there is a barrier between any two, unless [`Batch::overlap`] says that the next
-/// one needs nothing of it. The batch keeps what its commands use.
+/// Every command sees what those before it wrote: there is a barrier between any two, unless
+/// [`Batch::overlap`] says that the next one needs nothing of it. The batch keeps what its commands
+/// use.
 pub struct Batch {
     device: Device,
     pool: vk::CommandPool,
@@ -50,7 +51,8 @@ impl Drop for Batch {
         if device.is_hung() {
             return;
         }
-        // SAFETY: the commands were never submitted, or the device has answered: `submit` waits. A pool frees what is from it.
+        // SAFETY: the commands were never submitted, or the device has answered: `submit` waits. A
+        // pool frees what is from it.
         unsafe {
             for &pool in &self.descriptors {
                 device.handle.destroy_descriptor_pool(pool, None);
@@ -102,7 +104,8 @@ impl Device {
 }
 
 impl Batch {
-    /// The next command neither reads nor overwrites what the one before it writes, so that both may run at the same time.
+    /// The next command neither reads nor overwrites what the one before it writes, so that both
+    /// may run at the same time.
     pub fn overlap(&mut self) -> &mut Self {
         self.is_dirty = false;
         self
@@ -110,12 +113,13 @@ impl Batch {
 
     /// Runs `groups` workgroups of a kernel along x, y and z; nothing if one of the numbers is 0.
     ///
-    /// `buffers` are bound in the order of [`Kernel::bindings`], and `immediates` is the value of the shader's
-    /// `var<immediate>`, `()` without one.
+    /// `buffers` are bound in the order of [`Kernel::bindings`], and `immediates` is the value of
+    /// the shader's `var<immediate>`, `()` without one.
     ///
     /// # Errors
-    /// [`GpuError::TooLarge`] for a part of a buffer or a number of workgroups that the device does not allow, [`GpuError::Mismatch`]
-    /// for buffers or immediates other than the shader declares, and [`GpuError::OutOfMemory`].
+    /// [`GpuError::TooLarge`] for a part of a buffer or a number of workgroups that the device does
+    /// not allow, [`GpuError::Mismatch`] for buffers or immediates other than the shader declares,
+    /// and [`GpuError::OutOfMemory`].
     pub fn dispatch<T: NoUninit>(
         &mut self,
         kernel: &Kernel,
@@ -139,13 +143,14 @@ impl Batch {
         }
         self.bind(kernel, buffers, immediates)?;
         let [x, y, z] = groups;
-        // SAFETY: commands are being recorded, everything is bound, and the numbers are within the limits.
+        // SAFETY: commands are being recorded, everything is bound, and the numbers are within the
+        // limits.
         unsafe { self.device.inner.handle.cmd_dispatch(self.commands, x, y, z) };
         Ok(self)
     }
 
-    /// [`Batch::dispatch`] of as many workgroups as three `u32` at byte `start` of `groups` say when the command runs. They have to be
-    /// within the device's limits.
+    /// [`Batch::dispatch`] of as many workgroups as three `u32` at byte `start` of `groups` say
+    /// when the command runs. They have to be within the device's limits.
     ///
     /// # Errors
     /// As [`Batch::dispatch`], and [`GpuError::OutOfRange`] if the three are not there.
@@ -158,7 +163,8 @@ impl Batch {
     ) -> Result<&mut Self, GpuError> {
         let groups = groups.view(start, start.saturating_add(12))?;
         self.bind(kernel, buffers, immediates)?;
-        // SAFETY: commands are being recorded, everything is bound, and the three numbers are in the buffer.
+        // SAFETY: commands are being recorded, everything is bound, and the three numbers are in
+        // the buffer.
         unsafe {
             let (buffer, start) = (groups.allocation.buffer, groups.start);
             self.device.inner.handle.cmd_dispatch_indirect(self.commands, buffer, start);
@@ -171,7 +177,8 @@ impl Batch {
     pub fn fill(&mut self, buffer: &Buffer, word: u32) -> &mut Self {
         let bytes = buffer.bound() / 4 * 4;
         self.barrier();
-        // SAFETY: commands are being recorded; the part lies in the buffer and begins and ends at multiples of 4.
+        // SAFETY: commands are being recorded; the part lies in the buffer and begins and ends at
+        // multiples of 4.
         unsafe {
             self.device.inner.handle.cmd_fill_buffer(
                 self.commands,
@@ -212,7 +219,8 @@ impl Batch {
         self.barrier();
         let region =
             vk::BufferCopy::default().src_offset(from_start).dst_offset(to_start).size(bytes);
-        // SAFETY: commands are being recorded, and callers checked that both parts exist and do not overlap.
+        // SAFETY: commands are being recorded, and callers checked that both parts exist and do not
+        // overlap.
         unsafe {
             let device = &self.device.inner.handle;
             device.cmd_copy_buffer(self.commands, from.buffer, to.buffer, &[region]);
@@ -233,7 +241,8 @@ impl Batch {
     /// Runs the commands and waits until they have ended.
     ///
     /// # Errors
-    /// [`GpuError::DeviceLost`], also if they take longer than [`crate::DeviceOptions::timeout`]; [`GpuError::OutOfMemory`].
+    /// [`GpuError::DeviceLost`], also if they take longer than [`crate::DeviceOptions::timeout`];
+    /// [`GpuError::OutOfMemory`].
     pub fn submit(mut self) -> Result<Timings, GpuError> {
         let device = self.device.inner.clone();
         device.check()?;
@@ -264,7 +273,8 @@ impl Batch {
             // Neither fence nor memory may be freed: `hang` sees to the latter.
             return Err(device.hang());
         }
-        // SAFETY: the device has answered, or never got the fence, or is lost, after which it may be freed too.
+        // SAFETY: the device has answered, or never got the fence, or is lost, after which it may
+        // be freed too.
         unsafe { device.handle.destroy_fence(fence, None) };
         ended.map_err(|(call, code)| device.error(call, code))?;
         self.marks.read(&device)
@@ -343,7 +353,7 @@ impl Batch {
                     remedy: "bind a part of it (Buffer::view), or use a device that allows more",
                 });
             }
-            if buffer.start % alignment != 0 {
+            if !buffer.start.is_multiple_of(alignment) {
                 return Err(mismatch(format!(
                     "{} begins at byte {}, which is no multiple of {alignment}",
                     binding.name, buffer.start
@@ -370,8 +380,8 @@ impl Batch {
         let writes: Vec<_> = writes.collect();
         self.barrier();
         let device = &self.device.inner.handle;
-        // SAFETY: the set is new and of the kernel's layout, buffers are kept until the device has answered, and the immediates are
-        // as long as the layout says.
+        // SAFETY: the set is new and of the kernel's layout, buffers are kept until the device has
+        // answered, and the immediates are as long as the layout says.
         unsafe {
             device.update_descriptor_sets(&writes, &[]);
             let point = vk::PipelineBindPoint::COMPUTE;

@@ -62,7 +62,7 @@ impl Buffer {
     /// # Errors
     /// [`GpuError::OutOfRange`] unless the part lies inside and begins at a multiple of 4.
     pub fn view(&self, start: u64, end: u64) -> Result<Self, GpuError> {
-        if start > end || end > self.size || start % 4 != 0 {
+        if start > end || end > self.size || !start.is_multiple_of(4) {
             return Err(GpuError::OutOfRange { start, end, size: self.size });
         }
         let start_inside = self.start + start;

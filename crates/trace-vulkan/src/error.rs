@@ -9,11 +9,12 @@ use std::time::Duration;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// The system has no Vulkan loader. Remedy: install it (`libvulkan1` on Debian), or trace on the CPU with `niwaki-trace`.
+    /// The system has no Vulkan loader. Remedy: install it (`libvulkan1` on Debian), or trace on
+    /// the CPU with `niwaki-trace`.
     #[error("no Vulkan loader: {0}; install libvulkan (Debian: libvulkan1) or use the CPU kernels")]
     NoLoader(String),
-    /// There is no Vulkan driver, or none of its devices can compute. Remedy: install a driver; `mesa-vulkan-drivers` on Debian
-    /// has one that runs on the CPU.
+    /// There is no Vulkan driver, or none of its devices can compute. Remedy: install a driver;
+    /// `mesa-vulkan-drivers` on Debian has one that runs on the CPU.
     #[error(
         "no Vulkan device: {0}; install a driver (Debian: mesa-vulkan-drivers has a software one)"
     )]
@@ -26,9 +27,10 @@ pub enum GpuError {
         /// The devices with their numbers.
         known: String,
     },
-    /// The device stopped working, or work took longer than the timeout. Everything on it is lost and all later calls on this
-    /// [`crate::Device`] fail alike. Remedy: open the device anew and upload again; if it was the timeout
-    /// ([`crate::DeviceOptions::timeout`]), give the GPU less at once or more time.
+    /// The device stopped working, or work took longer than the timeout. Everything on it is lost
+    /// and all later calls on this [`crate::Device`] fail alike. Remedy: open the device anew and
+    /// upload again; if it was the timeout ([`crate::DeviceOptions::timeout`]), give the GPU less
+    /// at once or more time.
     #[error(
         "the Vulkan device was lost ({why}); open it anew and upload again, with less work at once"
     )]
@@ -36,7 +38,8 @@ pub enum GpuError {
         /// What happened.
         why: String,
     },
-    /// The device or the system has not enough memory. Remedy: free buffers, or trace a smaller scene or fewer rays at once.
+    /// The device or the system has not enough memory. Remedy: free buffers, or trace a smaller
+    /// scene or fewer rays at once.
     #[error(
         "out of memory on the Vulkan device while asking for {wanted} bytes for {what}; free buffers or use a smaller scene"
     )]
@@ -58,7 +61,8 @@ pub enum GpuError {
         /// What to do.
         remedy: &'static str,
     },
-    /// A kernel was given other buffers or constants than its shader declares. Remedy: as the message says.
+    /// A kernel was given other buffers or constants than its shader declares. Remedy: as the
+    /// message says.
     #[error("{kernel}: {message}")]
     Mismatch {
         /// The kernel.
@@ -66,7 +70,8 @@ pub enum GpuError {
         /// What does not fit.
         message: String,
     },
-    /// A part of a buffer was named that is not there. Remedy: stay inside, at multiples of four bytes.
+    /// A part of a buffer was named that is not there. Remedy: stay inside, at multiples of four
+    /// bytes.
     #[error(
         "bytes {start}..{end} of a buffer of {size} bytes were asked for; parts lie inside, at multiples of 4"
     )]
@@ -84,8 +89,8 @@ pub enum GpuError {
     /// A shader is wrong. Remedy: as the cause says.
     #[error(transparent)]
     Shader(#[from] ShaderError),
-    /// Another error of a Vulkan function; a fault of the driver or of this crate. Remedy: open the device with validation and
-    /// report what it says.
+    /// Another error of a Vulkan function; a fault of the driver or of this crate. Remedy: open the
+    /// device with validation and report what it says.
     #[error("{call} failed: {code}")]
     Vulkan {
         /// The function.

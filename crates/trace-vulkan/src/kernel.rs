@@ -37,7 +37,8 @@ impl Drop for KernelInner {
             return;
         }
         let device = &self.device.handle;
-        // SAFETY: batches hold the kernels that they use until the device has answered. Null handles are ignored.
+        // SAFETY: batches hold the kernels that they use until the device has answered. Null
+        // handles are ignored.
         unsafe {
             device.destroy_pipeline(self.pipeline, None);
             device.destroy_pipeline_layout(self.layout, None);
@@ -73,8 +74,8 @@ impl Device {
     /// The pipeline of a compiled shader. Its bindings have to be buffers of group 0.
     ///
     /// # Errors
-    /// [`GpuError::TooLarge`] for a workgroup that the device does not allow, [`GpuError::Mismatch`] for other bindings, and
-    /// [`GpuError::OutOfMemory`].
+    /// [`GpuError::TooLarge`] for a workgroup that the device does not allow,
+    /// [`GpuError::Mismatch`] for other bindings, and [`GpuError::OutOfMemory`].
     pub fn kernel_of(&self, shader: &Shader) -> Result<Kernel, GpuError> {
         self.inner.check()?;
         let info = &self.inner.info;

@@ -121,9 +121,9 @@ fn inner_slots(node: &WideNode<8>, slots: &[u8; 8]) -> u32 {
     inner.fold(0, |mask, (slot, _)| mask | 1 << slots[slot])
 }
 
-/// The new slot of each slot: bit i of it says that a child lies on the upper side of axis i. Pairs of
-/// child and corner are chosen greedily, the clearest first (Ylitie, Karras and Laine 2017, section 3.3,
-/// by an auction).
+/// The new slot of each slot: bit i of it says that a child lies on the upper side of axis i. Pairs
+/// of child and corner are chosen greedily, the clearest first (Ylitie, Karras and Laine 2017,
+/// section 3.3, by an auction).
 fn arranged(node: &WideNode<8>) -> [u8; 8] {
     let centroids: Vec<Vec3> = (0..8)
         .filter(|&slot| slot < node.used as usize)

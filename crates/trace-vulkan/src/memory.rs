@@ -89,7 +89,8 @@ impl Drop for Allocation {
         if self.device.is_hung() {
             return;
         }
-        // SAFETY: batches hold what they use until the device has answered, so nothing uses the buffer any more.
+        // SAFETY: batches hold what they use until the device has answered, so nothing uses the
+        // buffer any more.
         unsafe {
             self.device.handle.destroy_buffer(self.buffer, None);
             self.device.handle.free_memory(self.memory, None);
@@ -148,8 +149,8 @@ impl Staging {
     /// Puts bytes there; no more than fit.
     pub(crate) fn write(&mut self, bytes: &[u8]) {
         assert!(bytes.len() as u64 <= self.allocation.size, "a piece fits");
-        // SAFETY: the memory is mapped and as long as just checked, and the device does not use it now, as every submission is
-        // waited for.
+        // SAFETY: the memory is mapped and as long as just checked, and the device does not use it
+        // now, as every submission is waited for.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.address, bytes.len()) };
     }
 

@@ -76,8 +76,8 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    /// The whole if the device can bind it, or up to four parts of as many elements as it can, a power
-    /// of two.
+    /// The whole if the device can bind it, or up to four parts of as many elements as it can, a
+    /// power of two.
     fn new(buffer: &Buffer, element: u64, what: &str) -> Result<Self, GpuError> {
         let info = buffer.device.info();
         let (size, limit) = (buffer.size(), info.max_binding_bytes);
@@ -92,7 +92,7 @@ impl Pieces {
         };
         let shift = (limit / element).checked_ilog2().ok_or_else(|| too_large(limit))?;
         let part = element << shift;
-        if part % info.binding_alignment != 0 || size > PIECES * part {
+        if !part.is_multiple_of(info.binding_alignment) || size > PIECES * part {
             return Err(too_large(PIECES * part));
         }
         let views: Result<Vec<_>, _> = (0..size.div_ceil(part))
@@ -102,10 +102,11 @@ impl Pieces {
     }
 }
 
-/// A tree with its triangles in the memory of a [`Device`], ready to be traced by a [`crate::Tracer`].
+/// A tree with its triangles in the memory of a [`Device`], ready to be traced by a
+/// [`crate::Tracer`].
 ///
-/// Answers are those of `niwaki-trace`: in watertight mode every hit has the same bits, as far as the device divides like
-/// IEEE 754 says; see the README for the exceptions.
+/// Answers are those of `niwaki-trace`: in watertight mode every hit has the same bits, as far as
+/// the device divides like IEEE 754 says; see the README for the exceptions.
 #[derive(Clone, Debug)]
 pub struct GpuScene {
     pub(crate) layout: TreeLayout,
@@ -122,28 +123,32 @@ pub struct GpuScene {
 /// A binary tree that was built on the device, for [`GpuScene::adopt`].
 #[derive(Clone, Debug)]
 pub struct DeviceTree {
-    /// Nodes of 32 bytes (`niwaki_core::BvhNode`), root first, children adjacent; none for an empty scene.
+    /// Nodes of 32 bytes (`niwaki_core::BvhNode`), root first, children adjacent; none for an empty
+    /// scene.
     pub nodes: Buffer,
-    /// The parent of each node, one word each; any for the root. Needed for trees that may have paths
-    /// of more than 64 nodes, whose rest is lost without, and by drivers that limit loops
+    /// The parent of each node, one word each; any for the root. Needed for trees that may have
+    /// paths of more than 64 nodes, whose rest is lost without, and by drivers that limit loops
     /// ([`crate::DeviceInfo::max_loop_turns`]).
     pub parents: Option<Buffer>,
-    /// 48 bytes a reference, in the order of the leaves: three rows of three coordinates and a word, which in the first row
-    /// is the id of the triangle. Rows are the corners in [`Mode::Watertight`]; the first corner and the edges from it to the second and the third in
+    /// 48 bytes a reference, in the order of the leaves: three rows of three coordinates and a
+    /// word, which in the first row is the id of the triangle. Rows are the corners in
+    /// [`Mode::Watertight`]; the first corner and the edges from it to the second and the third in
     /// [`Mode::Fast`]. Three equal corners, or edges of zero, are never hit.
     pub triangles: Buffer,
     /// What the rows hold.
     pub mode: Mode,
-    /// The box around everything, or a larger one. Extents between 2⁻²⁰ and 2³⁰ units keep products in the range of `f32`.
+    /// The box around everything, or a larger one. Extents between 2⁻²⁰ and 2³⁰ units keep products
+    /// in the range of `f32`.
     pub bounds: Aabb,
 }
 
 impl GpuScene {
-    /// Collapses a binary tree to eight children a node, which is the faster layout, and uploads it with its triangles for
-    /// watertight traversal. Trees with split references are welcome.
+    /// Collapses a binary tree to eight children a node, which is the faster layout, and uploads it
+    /// with its triangles for watertight traversal. Trees with split references are welcome.
     ///
     /// # Errors
-    /// [`GpuError::Scene`] if it is no tree, or not of this mesh; [`GpuError::TooLarge`]; and as [`Device::upload`].
+    /// [`GpuError::Scene`] if it is no tree, or not of this mesh; [`GpuError::TooLarge`]; and as
+    /// [`Device::upload`].
     pub fn upload(device: &Device, bvh: &Bvh, mesh: &TriangleMesh) -> Result<Self, GpuError> {
         Self::upload_in(device, TreeLayout::Wide, Mode::Watertight, bvh, mesh)
     }
@@ -229,7 +234,8 @@ impl GpuScene {
 
     /// A binary tree that is on the device already.
     ///
-    /// Its contents are not checked: numbers of nodes or references that do not exist make the device read anything, or be lost.
+    /// Its contents are not checked: numbers of nodes or references that do not exist make the
+    /// device read anything, or be lost.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`].

@@ -83,8 +83,8 @@ pub struct Timings {
 }
 
 impl Timings {
-    /// Seconds from each mark to the next, with the label of the latter: what a pass took that ends with a mark. Empty on a device
-    /// without timestamps.
+    /// Seconds from each mark to the next, with the label of the latter: what a pass took that ends
+    /// with a mark. Empty on a device without timestamps.
     pub fn passes(&self) -> impl Iterator<Item = (&str, f64)> {
         self.marks.windows(2).map(|pair| (pair[1].0.as_str(), self.between(pair[0].1, pair[1].1)))
     }

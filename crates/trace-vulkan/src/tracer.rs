@@ -11,7 +11,8 @@ use std::{
 /// Invocations of a workgroup.
 const WORKGROUP: u32 = 64;
 
-/// Rays of a submission at most: few enough that none takes long, whatever the device, and many enough to fill one.
+/// Rays of a submission at most: few enough that none takes long, whatever the device, and many
+/// enough to fill one.
 const CHUNK: usize = 1 << 20;
 
 /// Bytes of a ray.
@@ -46,8 +47,9 @@ pub enum Schedule {
     /// Each one ray, the default.
     #[default]
     RayAThread,
-    /// A fixed number of workgroups of 64 take rays, 256 at a time, until there are none (Aila and Laine 2009). As many as run at once are
-    /// best, which Vulkan does not tell: some eight for each multiprocessor.
+    /// A fixed number of workgroups of 64 take rays, 256 at a time, until there are none (Aila and
+    /// Laine 2009). As many as run at once are best, which Vulkan does not tell: some eight for
+    /// each multiprocessor.
     Persistent {
         /// How many.
         groups: u32,
@@ -67,7 +69,8 @@ pub struct Trace<'a> {
     pub query: Query,
     /// Where the answers go, [`Query::answer_bytes`] each.
     pub answers: &'a Buffer,
-    /// Where the work of each ray goes, if it is wanted: nodes, boxes, leaves and triangles, a word each.
+    /// Where the work of each ray goes, if it is wanted: nodes, boxes, leaves and triangles, a word
+    /// each.
     pub work: Option<&'a Buffer>,
     /// Which invocation traces which.
     pub schedule: Schedule,
@@ -135,15 +138,16 @@ impl Tracer {
         &self.device
     }
 
-    /// True if the device's multiply-add rounds once. If not, the triangle tests do without it, at some cost.
+    /// True if the device's multiply-add rounds once. If not, the triangle tests do without it, at
+    /// some cost.
     #[must_use]
     pub const fn is_fused(&self) -> bool {
         self.is_fused
     }
 
     /// The same tracer whose invocations do at most so many steps (nodes, triangles, parents) in a
-    /// dispatch; rays that are not done then go on in another. Keeps dispatches short where a driver stops
-    /// long ones. `None` for no end; the default is what the driver needs
+    /// dispatch; rays that are not done then go on in another. Keeps dispatches short where a
+    /// driver stops long ones. `None` for no end; the default is what the driver needs
     /// ([`crate::DeviceInfo::max_loop_turns`]), which is none on GPUs.
     ///
     /// Holds for queries that return answers. What is [recorded](Tracer::record) is one dispatch.
@@ -201,8 +205,8 @@ impl Tracer {
     /// thousands of steps ends with what it has found until then.
     ///
     /// # Errors
-    /// [`GpuError::OutOfRange`] if a buffer is too small for `count`, [`GpuError::TooLarge`] if one is larger than the device can bind,
-    /// and as [`Device::kernel`].
+    /// [`GpuError::OutOfRange`] if a buffer is too small for `count`, [`GpuError::TooLarge`] if one
+    /// is larger than the device can bind, and as [`Device::kernel`].
     pub fn record(&self, batch: &mut Batch, trace: &Trace<'_>) -> Result<(), GpuError> {
         self.record_part(batch, trace, None)
     }

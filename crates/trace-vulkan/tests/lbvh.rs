@@ -5,8 +5,9 @@ mod common;
 use common::{assert_silent, device};
 use niwaki_build_lbvh::Lbvh;
 use niwaki_core::glam::Vec3;
-use niwaki_core::{Aabb, BuildError, Builder, Bvh, PrimRef, SahConstants, TriangleMesh};
-use niwaki_trace_vulkan::{GpuError, GpuLbvh, LbvhConfig, LbvhError};
+use niwaki_core::{Aabb, BuildError, Builder, Bvh, Hit, PrimRef, SahConstants, TriangleMesh};
+use niwaki_trace::Mode;
+use niwaki_trace_vulkan::{GpuError, GpuLbvh, GpuScene, LbvhConfig, LbvhError, Tracer, TreeLayout};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
@@ -155,6 +156,24 @@ fn a_workspace_builds_one_tree_after_the_other() {
     assert!(is_over(&workspace.set_count(6001).unwrap_err()));
     workspace.count().write(0, &[6001_u32]).unwrap();
     assert!(is_over(&workspace.build().unwrap_err()));
+    assert_silent(&device);
+}
+
+#[test]
+fn a_tree_that_stays_on_the_device_is_traced_there() {
+    let Some(device) = device() else { return };
+    let (builder, tracer) = (GpuLbvh::new(&device).unwrap(), Tracer::new(&device).unwrap());
+    for mesh in [niwaki_hard_cases::soup_mesh(3000, 0.2, 5), TriangleMesh::default()] {
+        let config = LbvhConfig::default();
+        let bvh = cpu(&config).build_mesh(&mesh).unwrap();
+        let (layout, mode) = (TreeLayout::Binary, Mode::Watertight);
+        let uploaded = GpuScene::upload_in(&device, layout, mode, &bvh, &mesh).unwrap();
+        let built = builder.build_scene(&mesh, &config).unwrap();
+        let rays = niwaki_hard_cases::rays(&mesh, 2000, 1);
+        let found = tracer.closest_hits(&built, &rays).unwrap();
+        assert_eq!(found, tracer.closest_hits(&uploaded, &rays).unwrap());
+        assert_eq!(found.iter().any(Hit::is_hit), !mesh.is_empty());
+    }
     assert_silent(&device);
 }
 

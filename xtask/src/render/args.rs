@@ -9,11 +9,17 @@ Examples:
       One picture of a procedural scene, with mirrors and glass.
   cargo xtask render --scene model.glb --mode path --samples 256 --size 1920x1080 --format exr
       Your own scene, path traced, as linear radiance.
-  cargo xtask render --scene chess:200k --mode whitted --frames 20 --explain
-      Twenty frames along the scene's camera path, each with what it calls for and why.
+  cargo xtask render --scene chess:200k --mode hybrid --frames 20 --explain
+      Twenty frames along the scene's camera path on the GPU, each with what it calls for and why.
+  cargo xtask render --scene gallery --mode hybrid --debug-view hits
+      Where reflected rays ended: in the traced region (blue), in the cube map (red), in the sky.
 
-Output (in --out): a picture a frame, and frames.json with the time that each part of each frame took
-and the rays that it traced.";
+hybrid and full-bvh need a Vulkan device; ci/setup-vulkan.sh installs a software one on Debian.
+NIWAKI_VULKAN_DEVICE chooses one of several, by a part of its name or by its number.
+
+Output (in --out): a picture a frame; frames.json with the time that each part of each frame took
+(on the GPU, for hybrid and full-bvh) and the rays that it traced; of several frames, frames.svg,
+a plot of these times.";
 
 /// Arguments of `cargo xtask render`.
 #[derive(Args, Clone, Debug)]
@@ -45,10 +51,22 @@ pub(crate) struct RenderArgs {
           value_parser = clap::value_parser!(u32).range(1..=64))]
     pub(crate) grid: u32,
 
-    /// Most bounces
-    #[arg(long, value_name = "NUMBER", default_value_t = 8,
-          value_parser = clap::value_parser!(u32).range(0..=1000))]
-    pub(crate) depth: u32,
+    /// Most bounces [default: 8, and what the preset says for hybrid and full-bvh, at most 16]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) depth: Option<u32>,
+
+    /// How finely hybrid and full-bvh render
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) preset: Preset,
+
+    /// Half the side of the cube around the camera in which hybrid traces rays, as a share of the
+    /// longest side of the scene [default: the preset's]
+    #[arg(long, value_name = "SHARE")]
+    pub(crate) region: Option<f32>,
+
+    /// What pictures of hybrid and full-bvh show
+    #[arg(long, value_enum, default_value = "image")]
+    pub(crate) debug_view: View,
 
     /// Print what the scene calls for, what is skipped, and why
     #[arg(long)]
@@ -62,7 +80,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
     pub(crate) exposure: Option<f32>,
 
-    /// Builder of the tree, as in bench
+    /// Builder of the tree for whitted and path, as in bench
     #[arg(long, value_name = "NAME", default_value = "balanced")]
     pub(crate) builder: String,
 
@@ -82,6 +100,11 @@ pub(crate) struct RenderArgs {
 /// How light is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Mode {
+    /// On the GPU: rays in triangles near the camera, and in a cube map of depths and colours
+    /// beyond (thesis, paper III)
+    Hybrid,
+    /// On the GPU: rays in triangles everywhere, what hybrid is compared with
+    FullBvh,
     /// Mirrors, glass and hard shadows by recursive ray tracing on the CPU: the reference of the
     /// hybrid renderer (Whitted 1980)
     Whitted,
@@ -94,6 +117,33 @@ impl Mode {
     pub(crate) fn name(self) -> String {
         self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
     }
+}
+
+/// How finely the hybrid renderer works; `docs/hybrid.md` says what each means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Preset {
+    /// A small traced region and small maps
+    Fast,
+    /// In between
+    Default,
+    /// A large traced region and large maps
+    Fine,
+    /// As the paper describes it
+    Paper,
+}
+
+/// What a picture of the hybrid renderer shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum View {
+    /// The rendering
+    Image,
+    /// Where the first ray of each pixel's surface ended: blue in the traced region, red in the
+    /// cube map, light blue in the sky, magenta behind a surface of the map
+    Hits,
+    /// Shading normals
+    Normals,
+    /// Samples that marches took
+    Steps,
 }
 
 /// What pictures are saved as.

@@ -25,6 +25,8 @@ pub(super) struct Frames {
     scene: String,
     triangles: usize,
     mode: String,
+    /// The GPU, where one draws.
+    pub(super) device: Option<String>,
     width: u32,
     height: u32,
     pub(super) frames: Vec<Frame>,
@@ -80,6 +82,7 @@ impl Frames {
             scene: spec.describe(),
             triangles: scene.mesh.len(),
             mode: args.mode.name(),
+            device: None,
             width: args.size.width,
             height: args.size.height,
             frames: Vec::new(),

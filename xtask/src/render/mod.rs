@@ -1,51 +1,80 @@
 //! `cargo xtask render`: pictures of a scene, and what each part of them took.
 
 mod args;
+mod cpu;
 mod frames;
+mod gpu;
 
 pub(crate) use args::RenderArgs;
 
 use crate::{
     bench::{pool, progress::Progress},
-    machine, registry,
+    machine,
     report::slug,
     scenes::SceneSpec,
 };
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use args::{Format, Mode};
+use cpu::OnCpu;
 use frames::{Count, Frame, Frames, Part};
-use niwaki_core::Builder;
-use niwaki_render::{
-    Exposure, Image, PathSettings, PathTracer, RenderStats, ToneCurve, Whitted, WhittedSettings,
-};
-use niwaki_scene::{CameraPath, Scene, SceneFacts};
-use niwaki_trace::AutoScene;
-use std::{process::ExitCode, time::Instant};
+use gpu::OnGpu;
+use niwaki_render::{Exposure, Image, ToneCurve};
+use niwaki_scene::{Camera, CameraPath, Scene};
+use std::{process::ExitCode, sync::Arc, time::Instant};
 
 /// Triangles of procedural scenes that are named without a number, as in `bench`.
 const TRIANGLES: usize = 100_000;
 
-/// Steps of the progress bar for the tiles of a frame.
+/// Steps of the progress bar for a frame.
 const STEPS: usize = 100;
+
+/// What draws frames.
+trait Draw {
+    /// Draws what the camera sees at a time, in seconds, and calls `progress(finished, all)`
+    /// where the work has parts that finish one by one.
+    fn draw(&mut self, camera: &Camera, time: f64, progress: &Steps<'_>) -> Result<Drawn>;
+
+    /// What runs for a frame, what does not, and why.
+    fn explain(&self, camera: &Camera, time: f64) -> String;
+}
+
+/// Called with the number of parts that are finished and the number of all.
+type Steps<'a> = dyn Fn(usize, usize) + Sync + 'a;
+
+/// A frame before it is saved.
+struct Drawn {
+    image: Image,
+    parts: Vec<Part>,
+    counts: Vec<Count>,
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
-    let builder = builder(&args.builder)?;
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
     let threads = args.threads.map_or_else(machine::cores, usize::from);
-    let pool = pool(threads)?;
+    pool(threads)?.install(|| draw_all(args, &spec, threads))
+}
+
+fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitCode> {
+    // What is wrong with the arguments is said before anything takes time.
+    let builder = cpu::builder(&args.builder)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let progress = Progress::new(args.frames as usize * STEPS);
     progress.message(&format!("load {}", spec.describe()));
-    let scene = pool.install(|| spec.load(args.seed))?;
-    if args.explain {
-        progress.print(&pool.install(|| explain(&scene, args)));
-    }
-    let mut frames = Frames::new(&spec, &scene, args, threads);
+    let scene = Arc::new(spec.load(args.seed)?);
+    let mut frames = Frames::new(spec, &scene, args, threads);
+    let mut drawer: Box<dyn Draw> = match args.mode {
+        Mode::Hybrid | Mode::FullBvh => {
+            progress.message("compile kernels");
+            let gpu = OnGpu::new(&scene, args)?;
+            frames.device = Some(gpu.device());
+            Box::new(gpu)
+        }
+        Mode::Whitted | Mode::Path => Box::new(OnCpu::new(&scene, builder, args)),
+    };
     for number in 0..args.frames {
-        let frame = pool.install(|| draw(&scene, builder.as_ref(), args, number, &progress))?;
-        frames.frames.push(frame);
+        frames.frames.push(draw(&mut *drawer, &scene, args, number, &progress)?);
     }
     progress.finish();
     frames.save(&args.out)?;
@@ -56,112 +85,42 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What the scene calls for.
-fn explain(scene: &Scene, args: &RenderArgs) -> String {
-    match args.mode {
-        Mode::Whitted => Whitted::new(whitted(args)).plan(scene).to_string(),
-        Mode::Path => SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS).to_string(),
-    }
-}
-
-/// The one builder of a name.
-fn builder(name: &str) -> Result<Box<dyn Builder>> {
-    let mut builders = registry::select_ours(&[name.to_owned()])?;
-    if builders.len() > 1 {
-        let names: Vec<_> = builders.iter().map(|b| b.name().to_owned()).collect();
-        bail!("--builder takes one, but `{name}` is {}", names.join(", "));
-    }
-    builders.pop().context("--builder names none")
-}
-
 /// Draws and saves a frame.
 fn draw(
+    drawer: &mut dyn Draw,
     scene: &Scene,
-    builder: &dyn Builder,
     args: &RenderArgs,
     number: u32,
     progress: &Progress,
 ) -> Result<Frame> {
-    let mut parts = Vec::new();
-    progress.message(&format!("frame {number}: motion and tree"));
-    let scene = timed(&mut parts, "motion", || at_frame(scene, args, number))?;
-    let tree = timed(&mut parts, "tree", || -> Result<_> {
-        let bvh = builder.build_mesh(&scene.mesh)?;
-        Ok(AutoScene::new(&bvh, &scene.mesh)?)
-    })?;
     progress.message(&format!("frame {number}: {}", args.mode.name()));
-    let tiles = |finished: usize, all: usize| {
-        // As many steps a frame, however many tiles it has.
-        let steps = |tiles: usize| tiles * STEPS / all.max(1);
+    let (camera, time) = moment(scene, args.frames, number)?;
+    if args.explain {
+        progress.print(&format!("frame {number}\n{}", drawer.explain(&camera, time)));
+    }
+    let steps = |finished: usize, all: usize| {
+        // As many steps a frame, however many parts it has.
+        let steps = |parts: usize| parts * STEPS / all.max(1);
         progress.skip(steps(finished) - steps(finished.saturating_sub(1)));
     };
-    let (image, stats) = timed(&mut parts, "rays", || image(&scene, &tree, args, number, tiles));
+    let Drawn { image, mut parts, counts } = drawer
+        .draw(&camera, time, &steps)
+        .with_context(|| format!("frame {number} could not be drawn"))?;
     let name = format!("{}-{}-{number:04}", slug(&scene.name), args.mode.name());
     let picture = timed(&mut parts, "file", || save(&image, args, &name))?;
-    Ok(Frame { number, picture, parts, counts: counts(&stats) })
+    Ok(Frame { number, picture, parts, counts })
 }
 
-/// The scene at the time of a frame, seen from where the camera is then. Of a single frame, the
-/// scene at rest from its first camera.
-fn at_frame(scene: &Scene, args: &RenderArgs, number: u32) -> Result<Scene> {
-    if args.frames == 1 {
-        return Ok(scene.clone());
+/// Where the camera of a frame stands, and when, in seconds. A single frame shows the scene at
+/// rest from its first camera.
+fn moment(scene: &Scene, frames: u32, number: u32) -> Result<(Camera, f64)> {
+    if frames == 1 {
+        let camera = scene.cameras.first().context("the scene has no camera")?;
+        return Ok((*camera, 0.0));
     }
+    let path = CameraPath { frames, ..scene.camera_path() };
     let duration = scene.animation.as_ref().map_or(0.0, |animation| animation.duration);
-    let mut scene = scene
-        .frozen(duration * f64::from(number) / f64::from(args.frames))
-        .with_context(|| format!("frame {number}: motion takes the scene out of range"))?;
-    let path = CameraPath { frames: args.frames, ..scene.camera_path() };
-    scene.cameras = vec![path.frame(number)];
-    Ok(scene)
-}
-
-fn image(
-    scene: &Scene,
-    tree: &AutoScene,
-    args: &RenderArgs,
-    number: u32,
-    progress: impl Fn(usize, usize) + Sync,
-) -> (Image, RenderStats) {
-    match args.mode {
-        Mode::Whitted => Whitted::new(whitted(args)).render_with(scene, tree, progress),
-        Mode::Path => {
-            let settings = PathSettings {
-                width: args.size.width,
-                height: args.size.height,
-                samples: args.samples,
-                max_depth: args.depth,
-                seed: args.seed.wrapping_add(number.into()),
-                ..PathSettings::default()
-            };
-            PathTracer::new(settings).render_with(scene, tree, progress)
-        }
-    }
-}
-
-fn whitted(args: &RenderArgs) -> WhittedSettings {
-    WhittedSettings {
-        width: args.size.width,
-        height: args.size.height,
-        grid: args.grid,
-        max_depth: args.depth,
-        ..WhittedSettings::default()
-    }
-}
-
-/// What was counted, by the names of the table.
-fn counts(stats: &RenderStats) -> Vec<Count> {
-    [
-        ("closest-hit rays", stats.closest_hit_rays),
-        ("shadow rays", stats.shadow_rays),
-        ("reflected rays", stats.reflected_rays),
-        ("refracted rays", stats.refracted_rays),
-        ("rays past alpha", stats.continued_rays),
-        ("rays left out", stats.cut_rays),
-        ("paths dropped", stats.dropped_paths),
-    ]
-    .map(|(name, count)| Count { name: name.to_owned(), count })
-    .into()
+    Ok((path.frame(number), duration * f64::from(number) / f64::from(frames)))
 }
 
 fn save(image: &Image, args: &RenderArgs, name: &str) -> Result<String> {
@@ -187,6 +146,11 @@ fn timed<T>(parts: &mut Vec<Part>, name: &str, work: impl FnOnce() -> T) -> T {
     let result = work();
     parts.push(Part { name: name.to_owned(), ms: start.elapsed().as_secs_f64() * 1e3 });
     result
+}
+
+/// Counts by the names of the table.
+fn counted<const N: usize>(counts: [(&str, u64); N]) -> Vec<Count> {
+    counts.map(|(name, count)| Count { name: name.to_owned(), count }).into()
 }
 
 #[cfg(test)]

@@ -63,8 +63,9 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
-    /// Workgroups along x and y for `items` invocations at `size` a workgroup, as many along x as the device allows. Kernels
-    /// compute their number from both (`linear_id` in `common.wgsl`) and have to check it, as the last row may be longer than needed.
+    /// Workgroups along x and y for `items` invocations at `size` a workgroup, as many along x as
+    /// the device allows. Kernels compute their number from both (`linear_id` in `common.wgsl`) and
+    /// have to check it, as the last row may be longer than needed.
     #[must_use]
     pub fn groups_for(&self, items: u64, size: u32) -> [u32; 3] {
         let groups = items.div_ceil(u64::from(size.max(1)));

@@ -23,7 +23,8 @@ use validation::{LAYER, Messages};
 
 /// A GPU, or a driver that acts as one.
 ///
-/// Clones share the device. Buffers, kernels and batches keep it open; when the last of them is dropped, everything is freed.
+/// Clones share the device. Buffers, kernels and batches keep it open; when the last of them is
+/// dropped, everything is freed.
 #[derive(Clone)]
 pub struct Device {
     pub(crate) inner: Arc<DeviceInner>,
@@ -55,7 +56,8 @@ impl Drop for Instance {
         if let Some(messages) = &self.messages {
             messages.destroy();
         }
-        // SAFETY: all children of the instance are gone: the device is dropped before it, and the messenger was just destroyed.
+        // SAFETY: all children of the instance are gone: the device is dropped before it, and the
+        // messenger was just destroyed.
         unsafe { self.handle.destroy_instance(None) };
         // SAFETY: nothing of the library is used any more, and this runs once.
         unsafe { ManuallyDrop::drop(&mut self.entry) };
@@ -125,7 +127,8 @@ impl Drop for DeviceInner {
         if self.is_hung() {
             return;
         }
-        // SAFETY: all objects of the device hold an `Arc` of this, so they are gone, and every submission was waited for.
+        // SAFETY: all objects of the device hold an `Arc` of this, so they are gone, and every
+        // submission was waited for.
         unsafe {
             self.handle.destroy_pipeline_cache(self.pipeline_cache, None);
             self.handle.destroy_device(None);
@@ -156,7 +159,8 @@ impl Device {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`GpuError::NoLoader`], [`GpuError::NoDevice`], [`GpuError::NoSuchDevice`], or what the driver says.
+    /// [`GpuError::NoLoader`], [`GpuError::NoDevice`], [`GpuError::NoSuchDevice`], or what the
+    /// driver says.
     pub fn open(options: &DeviceOptions) -> Result<Self, GpuError> {
         let instance = open_instance(options.validation)?;
         let found = candidates(&instance.handle);
@@ -181,13 +185,15 @@ impl Device {
         if info.has_int64_atomics {
             create = create.push_next(&mut atomics);
         }
-        // SAFETY: the device is of this instance, and all features were found to be there; robust buffer access always is.
+        // SAFETY: the device is of this instance, and all features were found to be there; robust
+        // buffer access always is.
         let handle = unsafe { instance.handle.create_device(physical, &create, None) }
             .map_err(|code| GpuError::of("vkCreateDevice", code))?;
         // SAFETY: the family has at least one queue, which was asked for.
         let queue = unsafe { handle.get_device_queue(queue_family, 0) };
         let cache = vk::PipelineCacheCreateInfo::default();
-        // SAFETY: no initial data. A null handle, which is what a failure leaves, is a valid cache: none.
+        // SAFETY: no initial data. A null handle, which is what a failure leaves, is a valid cache:
+        // none.
         let pipeline_cache =
             unsafe { handle.create_pipeline_cache(&cache, None) }.unwrap_or_default();
         // SAFETY: the device is of this instance.
@@ -245,7 +251,8 @@ impl Device {
 }
 
 fn open_instance(validation: bool) -> Result<Instance, GpuError> {
-    // SAFETY: loading the system's Vulkan loader runs its initialisers, which are sound unless the installation is broken.
+    // SAFETY: loading the system's Vulkan loader runs its initialisers, which are sound unless the
+    // installation is broken.
     let entry =
         unsafe { ash::Entry::load() }.map_err(|error| GpuError::NoLoader(error.to_string()))?;
     // SAFETY: plain enumerations. A loader of Vulkan 1.0 has no version to tell.
@@ -275,7 +282,8 @@ fn open_instance(validation: bool) -> Result<Instance, GpuError> {
         create = create.enabled_layer_names(&layers).enabled_extension_names(&names);
         create = create.push_next(&mut features);
     }
-    // SAFETY: layers and extensions were found to be there (the last comes with the layer), and all strings outlive the call.
+    // SAFETY: layers and extensions were found to be there (the last comes with the layer), and all
+    // strings outlive the call.
     let handle = unsafe { entry.create_instance(&create, None) }.map_err(|code| match code {
         vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
             GpuError::NoDevice("no driver is installed".into())

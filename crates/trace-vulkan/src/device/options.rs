@@ -8,20 +8,21 @@ pub(crate) const CHOICE: &str = "NIWAKI_VULKAN_DEVICE";
 /// Which device [`crate::Device::open`] takes, and how.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceOptions {
-    /// The number of a device in [`crate::Device::list`], or a part of its name, in any case. Default `None`: what the environment
-    /// variable `NIWAKI_VULKAN_DEVICE` says, or else the first of the best kind (discrete, integrated, virtual, CPU).
+    /// The number of a device in [`crate::Device::list`], or a part of its name, in any case.
+    /// Default `None`: what the environment variable `NIWAKI_VULKAN_DEVICE` says, or else the first
+    /// of the best kind (discrete, integrated, virtual, CPU).
     pub device: Option<String>,
-    /// Asks for the Khronos validation layer with synchronisation checks, which report wrong use of Vulkan and missing barriers
-    /// ([`crate::Device::messages`]) and cost much time. Without the layer installed there are no messages and no error. Default
-    /// false.
+    /// Asks for the Khronos validation layer with synchronisation checks, which report wrong use of
+    /// Vulkan and missing barriers ([`crate::Device::messages`]) and cost much time. Without the
+    /// layer installed there are no messages and no error. Default false.
     pub validation: bool,
-    /// Makes reads and writes past the end of a binding harmless, at some cost. Default false, as whatever is uploaded is
-    /// checked.
+    /// Makes reads and writes past the end of a binding harmless, at some cost. Default false, as
+    /// whatever is uploaded is checked.
     pub robust: bool,
     /// How long a submission may take until the device counts as lost. Default 60 s.
     pub timeout: Duration,
-    /// Pretends that bindings are limited to this many bytes, if that is less than the device allows: for tests of what happens
-    /// beyond. Default `None`.
+    /// Pretends that bindings are limited to this many bytes, if that is less than the device
+    /// allows: for tests of what happens beyond. Default `None`.
     pub max_binding_bytes: Option<u64>,
 }
 

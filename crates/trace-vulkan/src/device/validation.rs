@@ -35,7 +35,8 @@ impl Messages {
             .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
             .pfn_user_callback(Some(receive))
             .user_data(std::ptr::from_ref::<Texts>(&texts).cast_mut().cast());
-        // SAFETY: the extension is enabled, and the texts live until the messenger is destroyed: `destroy` comes before the drop.
+        // SAFETY: the extension is enabled, and the texts live until the messenger is destroyed:
+        // `destroy` comes before the drop.
         let messenger = unsafe { functions.create_debug_utils_messenger(&create, None) }.ok()?;
         Some(Self { functions, messenger, texts })
     }
@@ -62,7 +63,8 @@ unsafe extern "system" fn receive(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     texts: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: the layer passes valid data, and the address given to it, behind which a `Texts` lives (`Messages::new`).
+    // SAFETY: the layer passes valid data, and the address given to it, behind which a `Texts`
+    // lives (`Messages::new`).
     let (data, texts) = unsafe { (data.as_ref(), texts.cast::<Texts>().as_ref()) };
     // SAFETY: the layer's text ends with a zero and outlives the call.
     let text = data.and_then(|data| unsafe { data.message_as_c_str() });

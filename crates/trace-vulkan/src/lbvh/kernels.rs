@@ -21,6 +21,7 @@ pub(super) struct Kernels {
     pub(super) scan_tiles: Kernel,
     pub(super) scan_places: Kernel,
     pub(super) emit: Kernel,
+    pub(super) arrange: Kernel,
 }
 
 impl Kernels {
@@ -45,6 +46,7 @@ impl Kernels {
             scan_tiles: kernel("lbvh/rank", "scan_tiles")?,
             scan_places: kernel("lbvh/rank", "scan_places")?,
             emit: kernel("lbvh/emit", "emit")?,
+            arrange: kernel("lbvh/scene", "arrange")?,
         })
     }
 }

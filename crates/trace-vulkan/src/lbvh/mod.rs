@@ -21,9 +21,10 @@ pub use config::{LbvhConfig, LbvhError};
 pub use times::LbvhTimes;
 pub use workspace::LbvhWorkspace;
 
-use crate::{Device, GpuError};
+use crate::{Device, DeviceTree, GpuError, GpuScene};
 use kernels::Kernels;
-use niwaki_core::{Bvh, PrimRef, TriangleMesh};
+use niwaki_core::{Aabb, Bvh, BvhNode, PrimRef, TriangleMesh};
+use niwaki_trace::Mode;
 use std::sync::Arc;
 
 /// Builds linear BVHs on a device: the trees of `niwaki_build_lbvh::Lbvh` with the same settings, bit
@@ -109,5 +110,44 @@ impl GpuLbvh {
         workspace.record(&mut batch)?;
         batch.submit()?;
         workspace.download()
+    }
+
+    /// Builds a tree over a mesh on the device and leaves it there, ready to be traced (watertight).
+    ///
+    /// Extents of the mesh should be between 2⁻²⁰ and 2³⁰ units, as [`DeviceTree::bounds`] says; upload
+    /// others from the CPU ([`GpuScene::upload`]), which scales them.
+    ///
+    /// # Errors
+    /// As [`GpuLbvh::build`].
+    pub fn build_scene(
+        &self,
+        mesh: &TriangleMesh,
+        config: &LbvhConfig,
+    ) -> Result<GpuScene, LbvhError> {
+        let workspace = self.workspace(mesh.len(), config)?;
+        let positions = self.device.upload(mesh.positions())?;
+        let indices = self.device.upload(mesh.indices())?;
+        workspace.set_count(mesh.len())?;
+        let rows = self.device.buffer(48 * mesh.len() as u64)?;
+        let parents = self.device.buffer(8 * mesh.len() as u64)?;
+        let mut batch = self.device.batch()?;
+        workspace.record_triangles(&mut batch, &positions, &indices)?;
+        workspace.record(&mut batch)?;
+        workspace.record_scene(&mut batch, [&positions, &indices], [&rows, &parents])?;
+        batch.submit()?;
+        let (_, nodes) = workspace.check()?;
+        let nodes = nodes as u64;
+        let mut root = [BvhNode::leaf(Aabb::EMPTY, 0, 0)];
+        if nodes > 0 {
+            workspace.nodes().read_into(&mut root)?;
+        }
+        let tree = DeviceTree {
+            nodes: workspace.nodes().view(0, 32 * nodes)?,
+            parents: Some(parents.view(0, 4 * nodes)?),
+            triangles: rows,
+            mode: Mode::Watertight,
+            bounds: root[0].aabb(),
+        };
+        Ok(GpuScene::adopt(tree)?)
     }
 }

@@ -29,7 +29,8 @@ enum Size {
 }
 
 const CHECK: Size = Size::Args(0);
-const ELEMENTS: Size = Size::Args(1);
+const ELEMENTS_TRIPLE: u64 = 1;
+const ELEMENTS: Size = Size::Args(ELEMENTS_TRIPLE);
 const TILES: Size = Size::Args(2);
 const DIGITS: Size = Size::Args(3);
 const ONE_IF_ANY: Size = Size::Args(4);
@@ -233,6 +234,25 @@ impl LbvhWorkspace {
         batch.mark("lbvh places")?;
         self.stage(batch, &k.emit, ELEMENTS, 0)?;
         batch.mark("lbvh nodes")?;
+        Ok(())
+    }
+
+    /// Records what traversal needs of the tree over the triangles of
+    /// [`LbvhWorkspace::record_triangles`]: `rows` of 48 bytes a triangle and `parents` of 4 bytes a
+    /// node, as [`crate::DeviceTree`] has them.
+    ///
+    /// # Errors
+    /// As [`Batch::dispatch`].
+    pub fn record_scene(
+        &self,
+        batch: &mut Batch,
+        [positions, indices]: [&Buffer; 2],
+        [rows, parents]: [&Buffer; 2],
+    ) -> Result<(), GpuError> {
+        let buffers =
+            [&self.record, &self.prim_ids, &self.nodes, positions, indices, rows, parents];
+        let groups = (&self.args, 12 * ELEMENTS_TRIPLE);
+        batch.dispatch_indirect(&self.kernels.arrange, &buffers, &(), groups)?;
         Ok(())
     }
 

@@ -26,18 +26,35 @@ pub(crate) fn loose_mul_add(a: Floats, b: Floats, c: Floats) -> Floats {
 /// `a·b + c` rounded once, as the instruction that these processors lack would: to the last bit,
 /// so that hits are those of all other kernels.
 ///
-/// In `f64` the product is exact. The sum is rounded to odd there (toward zero, with the lowest bit
-/// set unless it was exact), after which rounding to `f32` gives what rounding the exact sum would
-/// have (Boldo and Melquiond 2008, "Emulation of FMA and correctly rounded sums: proved algorithms
-/// using rounding to odd", theorem 2: 53 bits are at least two more than twice 24; denormal results
-/// included).
+/// In `f64` the product is exact, and the sum has 53 bits. Rounding these to `f32` gives what rounding
+/// the exact sum would have unless they are just in the middle between two floats, which is rare:
+/// the way out of it is [`odd_mul_add`]. Denormal floats have their middles elsewhere, so that they
+/// take it too.
 #[target_feature(enable = "sse4.2")]
 #[inline]
 pub(crate) fn mul_add(a: Floats, b: Floats, c: Floats) -> Floats {
     let upper = |v| _mm_cvtps_pd(_mm_movehl_ps(v, v));
-    let low = odd_mul_add(_mm_cvtps_pd(a), _mm_cvtps_pd(b), _mm_cvtps_pd(c));
-    let high = odd_mul_add(upper(a), upper(b), upper(c));
-    _mm_movelh_ps(_mm_cvtpd_ps(low), _mm_cvtpd_ps(high))
+    let low = [a, b, c].map(|v| _mm_cvtps_pd(v));
+    let high = [a, b, c].map(upper);
+    let both = [low, high].map(|[a, b, c]| _mm_add_pd(_mm_mul_pd(a, b), c));
+    let words = both.map(|sum| _mm_castpd_ps(sum));
+    let low_words = _mm_castps_si128(_mm_shuffle_ps::<0b10_00_10_00>(words[0], words[1]));
+    let high_words = _mm_castps_si128(_mm_shuffle_ps::<0b11_01_11_01>(words[0], words[1]));
+    // The 29 bits that an f32 has no room for.
+    let rest = _mm_and_si128(low_words, _mm_set1_epi32(0x1fff_ffff));
+    let in_the_middle = _mm_cmpeq_epi32(rest, _mm_set1_epi32(0x1000_0000));
+    // Below the smallest normal f32, but not zero, which is exact: no f64 here is denormal.
+    let magnitude = _mm_and_si128(high_words, _mm_set1_epi32(i32::MAX));
+    let is_small = _mm_cmplt_epi32(magnitude, _mm_set1_epi32((1023 - 126) << 20));
+    let is_zero = _mm_cmpeq_epi32(magnitude, _mm_setzero_si128());
+    let unclear = _mm_or_si128(in_the_middle, _mm_andnot_si128(is_zero, is_small));
+    if _mm_movemask_epi8(unclear) == 0 {
+        let [low, high] = both.map(|sum| _mm_cvtpd_ps(sum));
+        _mm_movelh_ps(low, high)
+    } else {
+        let [low, high] = [low, high].map(|[a, b, c]| _mm_cvtpd_ps(odd_mul_add(a, b, c)));
+        _mm_movelh_ps(low, high)
+    }
 }
 
 /// `a·b − c` rounded once.
@@ -54,7 +71,10 @@ pub(crate) fn neg_mul_add(a: Floats, b: Floats, c: Floats) -> Floats {
     mul_add(xor(a, splat(-0.0)), b, c)
 }
 
-/// `a·b + c` rounded to odd, where `a·b` is exact.
+/// `a·b + c` rounded to odd, where `a·b` is exact: toward zero, with the lowest bit set unless the
+/// sum was exact. Rounding that to `f32` gives what rounding the exact sum would have (Boldo and
+/// Melquiond 2008, "Emulation of FMA and correctly rounded sums: proved algorithms using rounding to
+/// odd"; 53 bits are at least two more than twice 24), denormal results included.
 #[target_feature(enable = "sse4.2")]
 #[inline]
 fn odd_mul_add(a: __m128d, b: __m128d, c: __m128d) -> __m128d {

@@ -1,0 +1,109 @@
+//! Frames by the hybrid renderer.
+
+use super::{
+    Draw, Drawn, Part, Steps,
+    args::{Mode, Preset, RenderArgs, Size, View},
+    counted,
+};
+use anyhow::Result;
+use niwaki_hybrid::{Counters, DebugView, Gpu, HybridRenderer, NearRegion, Settings};
+use niwaki_scene::{Camera, Scene};
+use std::sync::Arc;
+
+/// Draws on the GPU.
+pub(super) struct OnGpu {
+    renderer: HybridRenderer,
+    device: String,
+    size: Size,
+    /// A frame was drawn: kernels are compiled.
+    warm: bool,
+}
+
+impl OnGpu {
+    pub(super) fn new(scene: &Arc<Scene>, args: &RenderArgs) -> Result<Self> {
+        let gpu = Gpu::new()?;
+        let renderer = HybridRenderer::new(&gpu, Arc::clone(scene), settings(args))?;
+        Ok(Self { renderer, device: gpu.name().to_owned(), size: args.size, warm: false })
+    }
+
+    /// The name of the device.
+    pub(super) fn device(&self) -> String {
+        self.device.clone()
+    }
+}
+
+/// What the arguments ask for.
+fn settings(args: &RenderArgs) -> Settings {
+    let preset = match args.preset {
+        Preset::Fast => Settings::fast(),
+        Preset::Default => Settings::default(),
+        Preset::Fine => Settings::fine(),
+        Preset::Paper => Settings::paper(),
+    };
+    let near_region = match args.mode {
+        Mode::FullBvh => NearRegion::WholeScene,
+        _ => args.region.map_or(preset.near_region, NearRegion::ShareOfScene),
+    };
+    let debug_view = match args.debug_view {
+        View::Image => DebugView::None,
+        View::Hits => DebugView::HitSource,
+        View::Normals => DebugView::Normal,
+        View::Steps => DebugView::MarchSteps,
+    };
+    let max_depth = args.depth.unwrap_or(preset.max_depth);
+    Settings { near_region, debug_view, max_depth, ..preset }
+}
+
+impl Draw for OnGpu {
+    fn draw(&mut self, camera: &Camera, time: f64, progress: &Steps<'_>) -> Result<Drawn> {
+        let Size { width, height } = self.size;
+        if !self.warm {
+            // Drivers compile kernels when they first run. The second frame does all again,
+            // since new settings make the renderer forget what the first left.
+            self.renderer.draw(camera, width, height, time)?;
+            self.renderer.set_settings(self.renderer.settings().clone());
+            self.warm = true;
+        }
+        let frame = self.renderer.render(camera, width, height, time)?;
+        progress(1, 1);
+        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+        let mut parts: Vec<Part> = frame
+            .report
+            .stages
+            .iter()
+            .filter_map(|s| Some(Part { name: s.stage.to_string(), ms: ms(s.gpu_time?) }))
+            .collect();
+        let named: f64 = parts.iter().map(|part| part.ms).sum();
+        // Recording commands, waiting, and all of it on a device without timestamps.
+        let rest = (ms(frame.report.total) - named).max(0.0);
+        parts.push(Part { name: "host".into(), ms: rest });
+        let triangles = frame.report.region_triangles;
+        Ok(Drawn { image: frame.image, parts, counts: counts(&frame.report.counters, triangles) })
+    }
+
+    fn explain(&self, camera: &Camera, time: f64) -> String {
+        self.renderer.plan(camera, self.size.width, self.size.height, time).to_string()
+    }
+}
+
+fn counts(counters: &Counters, triangles: u32) -> Vec<super::Count> {
+    counted([
+        ("triangles in the tree", triangles.into()),
+        ("pixels with a surface", counters.primary_pixels),
+        ("pixels that send rays", counters.spawning_pixels),
+        ("reflected rays", counters.reflected_rays),
+        ("refracted rays", counters.refracted_rays),
+        ("rays past alpha", counters.continued_rays),
+        ("shadow rays", counters.shadow_rays),
+        ("traversals of the tree", counters.tree_traversals),
+        ("marches through faces", counters.face_marches),
+        ("samples of marches", counters.march_samples),
+        ("from face to face", counters.face_hops),
+        ("back to the tree", counters.region_returns),
+        ("ended in the tree", counters.tree_hits),
+        ("ended in the map", counters.map_hits),
+        ("ended in the sky", counters.sky_misses),
+        ("ended behind a surface", counters.behind_misses),
+        ("rays left out", counters.cut_rays),
+    ])
+}
