@@ -73,8 +73,9 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
         }
         Mode::Whitted | Mode::Path => Box::new(OnCpu::new(&scene, builder, args)),
     };
-    for number in 0..args.frames {
-        frames.frames.push(draw(&mut *drawer, &scene, args, number, &progress)?);
+    let moments = moments(&scene, args.frames)?;
+    for (number, moment) in (0..).zip(&moments) {
+        frames.frames.push(draw(&mut *drawer, &scene.name, args, number, moment, &progress)?);
     }
     progress.finish();
     frames.save(&args.out)?;
@@ -88,15 +89,15 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
 /// Draws and saves a frame.
 fn draw(
     drawer: &mut dyn Draw,
-    scene: &Scene,
+    scene: &str,
     args: &RenderArgs,
     number: u32,
+    (camera, time): &(Camera, f64),
     progress: &Progress,
 ) -> Result<Frame> {
     progress.message(&format!("frame {number}: {}", args.mode.name()));
-    let (camera, time) = moment(scene, args.frames, number)?;
     if args.explain {
-        progress.print(&format!("frame {number}\n{}", drawer.explain(&camera, time)));
+        progress.print(&format!("frame {number}\n{}", drawer.explain(camera, *time)));
     }
     let steps = |finished: usize, all: usize| {
         // As many steps a frame, however many parts it has.
@@ -104,23 +105,25 @@ fn draw(
         progress.skip(steps(finished) - steps(finished.saturating_sub(1)));
     };
     let Drawn { image, mut parts, counts } = drawer
-        .draw(&camera, time, &steps)
+        .draw(camera, *time, &steps)
         .with_context(|| format!("frame {number} could not be drawn"))?;
-    let name = format!("{}-{}-{number:04}", slug(&scene.name), args.mode.name());
+    let name = format!("{}-{}-{number:04}", slug(scene), args.mode.name());
     let picture = timed(&mut parts, "file", || save(&image, args, &name))?;
     Ok(Frame { number, picture, parts, counts })
 }
 
-/// Where the camera of a frame stands, and when, in seconds. A single frame shows the scene at
+/// Where the camera of each frame stands, and when, in seconds. A single frame shows the scene at
 /// rest from its first camera.
-fn moment(scene: &Scene, frames: u32, number: u32) -> Result<(Camera, f64)> {
+fn moments(scene: &Scene, frames: u32) -> Result<Vec<(Camera, f64)>> {
     if frames == 1 {
         let camera = scene.cameras.first().context("the scene has no camera")?;
-        return Ok((*camera, 0.0));
+        return Ok(vec![(*camera, 0.0)]);
     }
+    // Once: without a path of its own, one is found by looking at the whole mesh.
     let path = CameraPath { frames, ..scene.camera_path() };
     let duration = scene.animation.as_ref().map_or(0.0, |animation| animation.duration);
-    Ok((path.frame(number), duration * f64::from(number) / f64::from(frames)))
+    let time = |number: u32| duration * f64::from(number) / f64::from(frames);
+    Ok((0..frames).map(|number| (path.frame(number), time(number))).collect())
 }
 
 fn save(image: &Image, args: &RenderArgs, name: &str) -> Result<String> {
