@@ -2,6 +2,7 @@
 
 use super::{
     batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
+    modes::define_kernels,
     quantised_boxes::define_quantised_boxes,
     simd::define_traversal,
     simd_boxes::define_full_boxes,
@@ -18,64 +19,9 @@ use crate::{
     wide::{Layout, WORDS},
 };
 use niwaki_core::{Hit, Ray, glam::Vec3A};
-use niwaki_wide::Node8 as Node;
 use std::arch::x86_64::*;
 
-/// For scenes in [`crate::Mode::Fast`].
-pub(crate) mod fast {
-    use super::*;
-
-    define_traversal!(
-        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
-        8,
-        define_full_boxes,
-        define_fast_corners
-    );
-    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
-}
-
-/// For scenes in [`crate::Mode::Watertight`].
-pub(crate) mod watertight {
-    use super::*;
-    use crate::watertight::{self, CERTAIN, Sheared};
-
-    define_traversal!(
-        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
-        8,
-        define_full_boxes,
-        define_watertight_corners
-    );
-    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
-}
-
-/// For quantised scenes in [`crate::Mode::Fast`].
-pub(crate) mod quantised_fast {
-    use super::*;
-    use niwaki_wide::QuantisedNode8 as Node;
-
-    define_traversal!(
-        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
-        8,
-        define_quantised_boxes,
-        define_fast_corners
-    );
-    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
-}
-
-/// For quantised scenes in [`crate::Mode::Watertight`].
-pub(crate) mod quantised_watertight {
-    use super::*;
-    use crate::watertight::{self, CERTAIN, Sheared};
-    use niwaki_wide::QuantisedNode8 as Node;
-
-    define_traversal!(
-        "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt",
-        8,
-        define_quantised_boxes,
-        define_watertight_corners
-    );
-    define_batches!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt");
-}
+define_kernels!("avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt", 8, Node8, QuantisedNode8);
 
 /// Lanes with `a ≤ b`.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,popcnt")]

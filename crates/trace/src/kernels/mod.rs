@@ -13,6 +13,8 @@ pub(crate) mod avx512_16;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod batches;
 #[cfg(target_arch = "x86_64")]
+mod modes;
+#[cfg(target_arch = "x86_64")]
 mod quantised_boxes;
 #[cfg(target_arch = "x86_64")]
 mod simd;
