@@ -358,7 +358,8 @@ scene cannot be loaded.";
 
 /// Arguments of `cargo xtask verify`.
 ///
-/// Trees are validated and built on 1, 2, 3 and 8 threads, which must give the same bytes. Hits are
+/// Trees are validated and built on 1, 2, 3 and 8 threads (with --quick 1 and 3), which must give the
+/// same bytes. Hits are
 /// compared with brute force on the catalogue of hard cases, and with the peers on full scenes.
 /// Every disagreement is settled in exact arithmetic as tie, rounding, peer wrong or ours wrong.
 #[derive(Args, Clone, Debug)]
@@ -385,7 +386,7 @@ pub(crate) struct VerifyArgs {
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
 
-    /// Smaller procedural scenes and fewer rays
+    /// Smaller procedural scenes, fewer rays and numbers of threads
     #[arg(long)]
     pub(crate) quick: bool,
 

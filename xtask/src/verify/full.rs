@@ -105,7 +105,10 @@ pub(crate) fn run(
 
     for builder in builders {
         progress(builder.name());
-        let Some(bvh) = build_and_check(name, mesh, builder.as_ref(), ledger)? else { continue };
+        let Some(bvh) = build_and_check(name, mesh, builder.as_ref(), options.threads, ledger)?
+        else {
+            continue;
+        };
         each_kernel(&bvh, mesh, |kernel, _, scene| {
             progress(&format!("{} {kernel}", builder.name()));
             let hits = closest(scene, &rays.closest);

@@ -11,9 +11,6 @@ use niwaki_core::{Builder, Hit, Ray};
 use niwaki_hard_cases::{Case, bad_rays, rays};
 use niwaki_trace::{BruteForce, Mode};
 
-/// Triangle tests a case may spend on brute force.
-const BRUTE_FORCE_TESTS: usize = 40_000_000;
-
 /// Triangle tests a case may spend on exact answers.
 const EXACT_TESTS: usize = 20_000_000;
 
@@ -38,7 +35,7 @@ fn run_case(
     ledger: &mut Ledger,
 ) -> anyhow::Result<()> {
     let mesh = &case.mesh;
-    let affordable = BRUTE_FORCE_TESTS / mesh.len().max(1) / 11;
+    let affordable = options.hard_tests / mesh.len().max(1) / 11;
     let rays = rays(mesh, options.hard_rays.min(affordable).max(8), options.seed);
     let affordable = (EXACT_TESTS / mesh.len().max(1)).max(8);
     let truth = exact_answers(mesh, &rays[..rays.len().min(affordable)]);
@@ -50,7 +47,9 @@ fn run_case(
     });
     let bad = bad_rays(mesh);
     for builder in builders {
-        let Some(bvh) = build_and_check(case.name, mesh, builder.as_ref(), ledger)? else {
+        let Some(bvh) =
+            build_and_check(case.name, mesh, builder.as_ref(), options.threads, ledger)?
+        else {
             continue;
         };
         each_kernel(&bvh, mesh, |kernel, mode, scene| {

@@ -70,7 +70,7 @@ pub(crate) struct TreeRow {
     /// With C_I = 2, C_L = 0, C_T = 1.
     pub(crate) sah: f64,
     pub(crate) valid: bool,
-    /// Equal bytes on 1, 2, 3 and 8 threads, of the tree and of the 8-wide tree collapsed from it;
+    /// Equal bytes on all numbers of threads that were tried, of the tree and of the 8-wide tree collapsed from it;
     /// `None` where that is not asked (peers).
     pub(crate) deterministic: Option<bool>,
 }

@@ -18,6 +18,11 @@ use std::process::ExitCode;
 struct Options {
     rays: usize,
     hard_rays: usize,
+    /// Triangle tests that brute force may spend on a hard case; a tree over triangles that are all in
+    /// one place spends as many, for every builder and kernel.
+    hard_tests: usize,
+    /// Numbers of threads on which every builder has to give the same bytes.
+    threads: &'static [usize],
     seed: u64,
     quick: bool,
 }
@@ -43,6 +48,8 @@ pub(crate) fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let options = Options {
         rays: args.rays.unwrap_or(if args.quick { 50_000 } else { 1_000_000 }),
         hard_rays: if args.quick { 40 } else { 400 },
+        hard_tests: if args.quick { 8_000_000 } else { 40_000_000 },
+        threads: if args.quick { &[1, 3] } else { &[1, 2, 3, 8] },
         seed: args.seed,
         quick: args.quick,
     };

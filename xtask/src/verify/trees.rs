@@ -8,24 +8,22 @@ use niwaki_metrics::{ValidateOptions, sah, validate_with};
 use niwaki_wide::{Bvh8, CollapseSettings};
 use rayon::ThreadPoolBuilder;
 
-/// Numbers of threads on which every builder has to give the same bytes.
-const THREADS: [usize; 4] = [1, 2, 3, 8];
-
-/// Builds with one of ours on 1, 2, 3 and 8 threads, checks and records the tree. `None`, with a
+/// Builds with one of ours on each number of threads, checks and records the tree. `None`, with a
 /// culprit in the ledger, if there is no tree to go on with.
 pub(crate) fn build_and_check(
     scene: &str,
     mesh: &TriangleMesh,
     builder: &dyn Builder,
+    threads: &[usize],
     ledger: &mut Ledger,
 ) -> anyhow::Result<Option<Bvh>> {
     let mut first: Option<(Bvh, Bvh8)> = None;
     let mut deterministic = true;
-    for threads in THREADS {
+    for &count in threads {
         let pool = ThreadPoolBuilder::new()
-            .num_threads(threads)
+            .num_threads(count)
             .build()
-            .with_context(|| format!("cannot start {threads} threads"))?;
+            .with_context(|| format!("cannot start {count} threads"))?;
         let built = pool.install(|| -> anyhow::Result<_> {
             let bvh = builder.build_mesh(mesh)?;
             let wide = Bvh8::collapse(&bvh, &CollapseSettings::default())?;
@@ -45,7 +43,7 @@ pub(crate) fn build_and_check(
         }
     }
     if !deterministic {
-        let what = format!("trees differ between {THREADS:?} threads");
+        let what = format!("trees differ between {threads:?} threads");
         ledger.culprits.push(culprit(scene, builder.name(), "determinism", what));
     }
     let Some((bvh, _)) = first else { return Ok(None) };
