@@ -1,6 +1,8 @@
 //! The command line of `cargo xtask render`.
 
 use clap::{Args, ValueEnum};
+use niwaki_core::glam::Vec3;
+use niwaki_scene::Environment;
 use std::{fmt, path::PathBuf, str::FromStr};
 
 const EXAMPLES: &str = "\
@@ -64,6 +66,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "SHARE")]
     pub(crate) region: Option<f32>,
 
+    /// Light from all around, instead of what the scene says: daylight, dark, or a radiance such as 0.5
+    #[arg(long, value_name = "SKY")]
+    pub(crate) sky: Option<Sky>,
+
     /// What pictures of hybrid and full-bvh show
     #[arg(long, value_enum, default_value = "image")]
     pub(crate) debug_view: View,
@@ -116,6 +122,27 @@ impl Mode {
     /// As on the command line.
     pub(crate) fn name(self) -> String {
         self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+/// What surrounds the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sky(pub(crate) Environment);
+
+impl FromStr for Sky {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "daylight" => Ok(Self(Environment::DAYLIGHT)),
+            "dark" => Ok(Self(Environment::DARK)),
+            _ => text
+                .parse()
+                .ok()
+                .filter(|radiance| (0.0..=1e6).contains(radiance))
+                .map(|radiance| Self(Environment::Constant(Vec3::splat(radiance))))
+                .ok_or_else(|| String::from("wanted is daylight, dark or a radiance, 0 to 1e6")),
+        }
     }
 }
 
@@ -182,6 +209,16 @@ impl fmt::Display for Size {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn skies_are_read_and_refused() {
+        assert_eq!("daylight".parse(), Ok(Sky(Environment::DAYLIGHT)));
+        assert_eq!("0".parse(), Ok(Sky(Environment::DARK)));
+        assert_eq!("0.5".parse(), Ok(Sky(Environment::Constant(Vec3::splat(0.5)))));
+        for text in ["", "night", "-1", "NaN", "inf", "1e7"] {
+            assert!(text.parse::<Sky>().is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn sizes_are_read_and_refused() {

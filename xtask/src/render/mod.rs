@@ -62,7 +62,14 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let progress = Progress::new(args.frames as usize * STEPS);
     progress.message(&format!("load {}", spec.describe()));
-    let scene = Arc::new(spec.load(args.seed)?);
+    let mut scene = spec.load(args.seed)?;
+    if let Some(sky) = args.sky {
+        scene.environment = sky.0;
+    }
+    if let Some(why) = black(&scene, args.mode) {
+        progress.print(&format!("note: {why}"));
+    }
+    let scene = Arc::new(scene);
     let mut frames = Frames::new(spec, &scene, args, threads);
     let mut drawer: Box<dyn Draw> = match args.mode {
         Mode::Hybrid | Mode::FullBvh => {
@@ -84,6 +91,24 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
     }
     println!("pictures and frames.json in {}", args.out.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// Why pictures will be black, or most of them.
+fn black(scene: &Scene, mode: Mode) -> Option<String> {
+    if !scene.lights.is_empty() || !scene.environment.is_dark() {
+        return None;
+    }
+    let emitters = scene.emissive_triangles().len();
+    match (mode, emitters) {
+        (_, 0) => Some("nothing lights this scene. --sky daylight does.".to_owned()),
+        (Mode::Path, _) => None,
+        (Mode::Hybrid | Mode::FullBvh | Mode::Whitted, _) => Some(format!(
+            "{emitters} emissive triangles are all that lights this scene, and {} follows no light from \
+             such: all but they and their reflections stays black. --mode path follows it; --sky \
+             daylight lights the scene from around.",
+            mode.name()
+        )),
+    }
 }
 
 /// Draws and saves a frame.
@@ -194,6 +219,24 @@ mod tests {
             |number| std::fs::read(folder.join(format!("atrium-path-000{number}.exr"))).unwrap();
         assert_ne!(picture(0), picture(1));
         std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn black_pictures_are_announced() {
+        let spec = SceneSpec::parse("gallery:2000", TRIANGLES).unwrap();
+        let mut scene = spec.load(1).unwrap();
+        assert_eq!(black(&scene, Mode::Whitted), None);
+        scene.lights.clear();
+        scene.environment = niwaki_scene::Environment::DARK;
+        for material in &mut scene.materials {
+            material.emission = niwaki_core::glam::Vec3::ZERO;
+        }
+        let nothing = black(&scene, Mode::Path).unwrap();
+        assert!(nothing.contains("nothing lights"), "{nothing}");
+        scene.materials[0].emission = niwaki_core::glam::Vec3::ONE;
+        assert_eq!(black(&scene, Mode::Path), None);
+        let emitters = black(&scene, Mode::Hybrid).unwrap();
+        assert!(emitters.contains("hybrid") && emitters.contains("--mode path"), "{emitters}");
     }
 
     #[test]
