@@ -53,7 +53,7 @@ fn check(name: &str) {
         for &method in &methods {
             let tracer = DriverTracer::new(&device, method).unwrap();
             let theirs = tracer.closest_hits(&scene, &rays).unwrap();
-            let (mut same, mut wrong) = (0, 0);
+            let (mut same, mut ties, mut wrong) = (0, 0, 0);
             for ((ray, our), their) in rays.iter().zip(&ours).zip(&theirs) {
                 if our.prim_id == their.prim_id && our.t == their.t {
                     same += 1;
@@ -61,6 +61,7 @@ fn check(name: &str) {
                 }
                 let verdict = settle(ray, &mesh, our, their);
                 assert!(verdict != Verdict::OursWrong, "{ray:?}: {our:?}, not {their:?}");
+                ties += usize::from(matches!(verdict, Verdict::Agree | Verdict::Tie));
                 wrong += usize::from(verdict == Verdict::PeerWrong);
             }
             let flags = tracer.any_hits(&scene, &rays).unwrap();
@@ -72,12 +73,13 @@ fn check(name: &str) {
                 }
             }
             println!(
-                "{name}, {}, {}: of {RAYS} rays {same} the same, {wrong} answers of the driver wrong",
+                "{name}, {}, {}: of {RAYS} rays {same} the same, {ties} ties, {wrong} answers of the driver wrong",
                 build.name(),
                 method.name()
             );
-            // Drivers promise closed edges only, and no precision; but a wrong launch would show.
-            assert!(same * 1000 >= RAYS * 995 && wrong * 1000 <= RAYS);
+            // A third of the rays begin on a surface, where rounding decides whether it is hit. Drivers
+            // promise closed edges only, and no precision; but a wrong launch would show.
+            assert!(same * 100 >= RAYS * 97 && wrong * 1000 <= RAYS);
         }
     }
     assert_silent(&device);
