@@ -11,17 +11,22 @@ pub(crate) struct Effort {
     pub(crate) at_most: usize,
     /// Go on until each has taken so long in total.
     pub(crate) total: Duration,
+    /// Stop when one has taken so long in total, even short of the least number: minutes average
+    /// the machine's noise by themselves.
+    pub(crate) enough: Duration,
 }
 
 impl Effort {
-    /// At least three, and until `seconds` have been spent on each.
+    /// At least three, and until `seconds` have been spent on each; of what takes 300 times as long,
+    /// fewer.
     pub(crate) fn seconds(seconds: f64) -> Self {
-        Self { at_least: 3, at_most: 10_000, total: Duration::from_secs_f64(seconds) }
+        let total = Duration::from_secs_f64(seconds);
+        Self { at_least: 3, at_most: 10_000, total, enough: total * 300 }
     }
 }
 
 /// Measures `count` rivals in turns: A B C, A B C, … until each has its least number of
-/// measurements, then always the one that has had the least time so far. A change of the machine's
+/// measurements or enough time, then always the one that has had the least time so far. A change of the machine's
 /// speed thus meets all of them, the fast ones with more measurements than the slow ones.
 /// `measure(i)` measures the i-th once and returns how long that took; one that has had its effort
 /// drops out of the turns, as does one that fails.
@@ -43,7 +48,9 @@ pub(crate) fn in_turns(
             Some(time) => {
                 *times += 1;
                 *total += time;
-                *times >= effort.at_most || (*times >= effort.at_least && *total >= effort.total)
+                *times >= effort.at_most
+                    || (*times >= effort.at_least && *total >= effort.total)
+                    || *total >= effort.enough
             }
         };
         if done {
@@ -69,7 +76,8 @@ mod tests {
 
     #[test]
     fn turns_alternate_and_end() {
-        let effort = Effort { at_least: 2, at_most: 5, total: Duration::from_secs(10) };
+        let [total, enough] = [10, 1_000].map(Duration::from_secs);
+        let effort = Effort { at_least: 2, at_most: 5, total, enough };
         let seconds = [1, 4, 100];
         let mut order = Vec::new();
         in_turns(3, effort, |i| {
@@ -82,9 +90,19 @@ mod tests {
     }
 
     #[test]
+    fn the_slow_are_not_repeated() {
+        let mut calls = [0; 3];
+        in_turns(3, Effort::seconds(1.0), |i| {
+            calls[i] += 1;
+            Some(Duration::from_secs([1, 200, 400][i]))
+        });
+        assert_eq!(calls, [3, 2, 1]);
+    }
+
+    #[test]
     fn failures_drop_out() {
         let mut calls = [0; 2];
-        in_turns(2, Effort::seconds(0.0), |i| {
+        in_turns(2, Effort::seconds(0.002), |i| {
             calls[i] += 1;
             (i == 0).then_some(Duration::from_millis(1))
         });

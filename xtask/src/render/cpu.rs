@@ -5,8 +5,7 @@ use super::{
     args::{Mode, RenderArgs},
     counted, timed,
 };
-use crate::registry;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use niwaki_core::Builder;
 use niwaki_render::{PathSettings, PathTracer, RenderStats, Whitted, WhittedSettings};
 use niwaki_scene::{Camera, Scene, SceneFacts};
@@ -29,16 +28,6 @@ pub(super) struct OnCpu {
 enum Integrator {
     Whitted(Whitted),
     Path(PathTracer),
-}
-
-/// The one builder of a name.
-pub(super) fn builder(name: &str) -> Result<Box<dyn Builder>> {
-    let mut builders = registry::select_ours(&[name.to_owned()])?;
-    if builders.len() > 1 {
-        let names: Vec<_> = builders.iter().map(|b| b.name().to_owned()).collect();
-        bail!("--builder takes one, but `{name}` is {}", names.join(", "));
-    }
-    builders.pop().context("--builder names none")
 }
 
 impl OnCpu {

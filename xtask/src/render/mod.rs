@@ -9,7 +9,7 @@ pub(crate) use args::RenderArgs;
 
 use crate::{
     bench::{pool, progress::Progress},
-    machine,
+    machine, registry,
     report::slug,
     scenes::SceneSpec,
 };
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
 
 fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitCode> {
     // What is wrong with the arguments is said before anything takes time.
-    let builder = cpu::builder(&args.builder)?;
+    let builder = registry::one_of_ours(&args.builder)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let progress = Progress::new(args.frames as usize * STEPS);

@@ -36,7 +36,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<ExitCode> {
     // What is wrong with the arguments is said before anything takes time.
     let format = OutputFormat::of(&args.out)?;
     let choice = Choice::of(args)?;
-    let builder = builder(&args.builder)?;
+    let builder = registry::one(&args.builder)?;
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
     let rays = niwaki_ray_file::load(&args.rays)
         .with_context(|| format!("cannot read rays from {}", args.rays.display()))?;
@@ -74,23 +74,6 @@ pub(crate) fn run(args: &TraceArgs) -> Result<ExitCode> {
     println!("speed     {rate:.3} million rays/s on {threads} threads ({passes})");
     println!("hits      {}", args.out.display());
     Ok(ExitCode::SUCCESS)
-}
-
-/// The one builder of a name.
-fn builder(name: &str) -> Result<TreeBuilder> {
-    let mut builders = registry::select(&[name.to_owned()])?;
-    // Where a name is ours and a peer's, it means ours.
-    if builders.len() > 1 {
-        let is_ours = |b: &TreeBuilder| b.source() == Source::Niwaki && b.name() == name;
-        match builders.iter().position(is_ours) {
-            Some(ours) => return Ok(builders.swap_remove(ours)),
-            None => {
-                let names: Vec<_> = builders.iter().map(TreeBuilder::full_name).collect();
-                bail!("--builder takes one, but `{name}` is {}", names.join(", "));
-            }
-        }
-    }
-    builders.pop().context("--builder names none")
 }
 
 /// Which kernel answers.
@@ -305,15 +288,5 @@ mod tests {
         let error = refused(&["--out", "h.csv", "--rays", "no/such.csv"]);
         assert!(error.contains("no/such.csv"), "{error}");
         std::fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn a_name_that_is_ours_and_a_peers_is_ours() {
-        assert_eq!(builder("fast").unwrap().full_name(), "fast");
-        assert_eq!(builder("obvhs:fast").unwrap().full_name(), "obvhs:fast");
-        assert_eq!(
-            builder("medium").err().map(|e| e.to_string().contains("takes one")),
-            Some(true)
-        );
     }
 }
