@@ -10,7 +10,7 @@ use common::{assert_silent, device, device_with};
 use niwaki_build_binned::Binned;
 use niwaki_build_sbvh::Sbvh;
 use niwaki_core::{Builder, Bvh, Hit, Intersector, Ray, TriangleMesh, glam::Vec3};
-use niwaki_exact::{Verdict, settle, settle_any};
+use niwaki_exact::{Verdict, settle_any};
 use niwaki_trace::{BinaryScene, Mode};
 use niwaki_trace_vulkan::{
     DeviceOptions, DeviceTree, GpuError, GpuScene, Query, Schedule, Tracer, TreeLayout,
