@@ -29,7 +29,7 @@ pub(super) struct Lane<'a> {
 }
 
 /// Where the names end, and the lanes begin.
-const LEFT: i32 = 250;
+const LEFT: i32 = 256;
 /// Above the lanes, for the legend.
 const TOP: i32 = 30;
 /// Below them, for the axis.
@@ -63,7 +63,7 @@ pub(super) fn plot(
             x += 30 + 8 * i32::try_from(name.chars().count())?;
         }
         let count = i32::try_from(lanes.len().max(1))?;
-        let size = (f64::from(floor - TOP) / f64::from(count) * 0.8).clamp(7.0, 12.0);
+        let size = (f64::from(floor - TOP) / f64::from(count) * 0.8).clamp(7.0, 11.5);
         for (lane, i) in lanes.iter().zip(0..) {
             let y = TOP + (floor - TOP) * (2 * i + 1) / (2 * count);
             line(area, [(LEFT, y), (right, y)], GRID)?;

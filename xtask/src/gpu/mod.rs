@@ -91,6 +91,7 @@ fn measure(args: &GpuArgs) -> Result<ExitCode> {
         traces: Vec::new(),
         failures: Vec::new(),
     };
+    study.run.seconds_per_measurement = setup.effort.total.as_secs_f64();
     study.run.threads = vec![rayon::current_num_threads()];
     study.run.arguments = std::env::args().skip(2).collect();
     study.run.peers = DriverMethod::ALL

@@ -51,11 +51,12 @@ pub(super) fn save(study: &Study, out: &Path) -> Result<()> {
     for (title, table) in all(study) {
         let _ = writeln!(html, "<h2>{}</h2>", escape(&title));
         if title == "Builds" {
-            let caption = "Million triangles a second of each builder; triangles are the driver.";
+            let caption =
+                "Million triangles a second of each builder; triangles mark the driver's own.";
             figure(&mut html, &mut files, &builds(study)?, caption, &table)?;
         } else if let Some(scene) = scene_of(study, &title) {
             let rows: Vec<_> = study.traces.iter().filter(|row| row.scene == scene).collect();
-            let caption = "Million rays a second of each kernel; triangles are the driver.";
+            let caption = "Million rays a second of each kernel; triangles mark the driver's own.";
             figure(&mut html, &mut files, &rays(&rows)?, caption, &table)?;
         }
         let csv = table.to_csv()?;
@@ -163,7 +164,7 @@ mod tests {
         for part in ["1220 MiB", "611 MiB", "12.5", "<svg ", "lbvh, wide"] {
             assert!(html.contains(part), "{part}");
         }
-        for file in ["gpu-builds", "gpu-rays", "gpu-rays-city-10k"] {
+        for file in ["gpu-builds", "gpu-rays", "gpu-rays-city_10k"] {
             let csv = std::fs::read_to_string(out.join(format!("csv/{file}.csv"))).unwrap();
             assert!(csv.lines().count() >= 2, "{file}: {csv}");
         }

@@ -41,7 +41,7 @@ fn builds(rows: &[BuildRow]) -> Table {
         .column("triangles", Best::Neither)
         .column("builder", Best::Neither)
         .column_with_digits("ms", Best::Neither, 3)
-        .column_with_digits("million\ntriangles/s", Best::Neither, 1)
+        .column("million\ntriangles/s", Best::Neither)
         .column_with_digits("MiB", Best::Neither, 1)
         .column("", Best::Neither);
     for row in rows {

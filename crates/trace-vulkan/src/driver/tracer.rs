@@ -164,7 +164,9 @@ impl DriverTracer {
 
     fn program(&self, query: Query) -> Result<Program, GpuError> {
         let mut programs = self.programs.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (query, self.is_recomputed);
+        // Without a hit to be recomputed, both are the same.
+        let is_recomputed = self.is_recomputed && query == Query::Closest;
+        let key = (query, is_recomputed);
         if let Some(program) = programs.get(&key) {
             return Ok(program.clone());
         }
@@ -172,7 +174,7 @@ impl DriverTracer {
         let common = [
             ("FUSED", flag(self.is_fused)),
             ("ANY", flag(query == Query::Any)),
-            ("RECOMPUTE", flag(self.is_recomputed)),
+            ("RECOMPUTE", flag(is_recomputed)),
         ];
         let program = match self.method {
             DriverMethod::Pipeline => {
