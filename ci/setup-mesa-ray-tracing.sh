@@ -61,6 +61,7 @@ options=(
     -o "Dir::Cache::pkgcache=" -o "Dir::Cache::srcpkgcache="
     -o APT::Sandbox::User=
     -o Acquire::Retries=2
+    -o APT::Update::Error-Mode=any
 )
 say "reading the lists of $codename-backports"
 apt-get "${options[@]}" update > "$scratch/log" 2>&1 || die "apt-get update failed: $(grep -m 1 '^[EW]:' "$scratch/log" || true)"
