@@ -33,6 +33,18 @@ fi
 step "tests"
 cargo test --workspace --locked
 
+# A driver with ray tracing of its own, for the tests and commands that compare with it and for nothing else; where it
+# cannot be had, they skip, and nothing fails.
+mesa=""
+if [ "$setup" = 1 ]; then
+  step "driver with ray tracing"
+  mesa=$(ci/setup-mesa-ray-tracing.sh | grep ^export) || mesa=""
+fi
+if [ -n "$mesa" ]; then
+  step "tests against the driver's own ray tracing"
+  (eval "$mesa"; export NIWAKI_REQUIRE_RAY_TRACING=1; cargo test --locked -p niwaki-trace-vulkan --test driver)
+fi
+
 step "examples"
 # All at once, as the tests were built: one crate at a time, cargo would build dependencies again for each set of
 # features. Names have to differ, because they share a folder.
@@ -69,6 +81,17 @@ cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode whitte
 # Needs the Vulkan device that was installed above.
 if [ "$setup" = 1 ]; then
   cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode hybrid --explain --out out/ci-render
+fi
+
+# Needs a Vulkan device too.
+if [ "$setup" = 1 ]; then
+  step "GPU, small"
+  # The second scene does not fit the bindings that are pretended, and says so in a row.
+  (eval "$mesa"; cargo xtask gpu --quick --scene city:5k --scene hair:40k --trees lbvh,bonsai_p --trace-up-to 20k \
+    --rays camera,ao --binding-limit 2 --out out/ci-gpu)
+  grep -q "needs bindings of" out/ci-gpu/csv/gpu-builds.csv
+  # What fits was checked, and was measured afterwards.
+  test "$(grep -c '^city:5k,.*,camera,closest,.*,0,$' out/ci-gpu/csv/gpu-rays.csv)" -ge 16
 fi
 
 step "report, merged"

@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::bench::Shard;
+use crate::gpu::GpuArgs;
 use crate::kernel::Collapse;
 use crate::render::RenderArgs;
 use crate::stability::{StabilityArgs, StabilityOptions};
@@ -25,6 +26,8 @@ pub(crate) enum Command {
     Bench(Box<BenchArgs>),
     /// Show what quality costs in time: the main knobs of every builder swept, or every kernel.
     Accuracy(AccuracyArgs),
+    /// Measure builds and rays on the GPU, beside the driver's own ray tracing.
+    Gpu(Box<GpuArgs>),
     /// Merge results files into one report.
     Report(ReportArgs),
     /// Draw pictures of a scene: by the hybrid renderer on the GPU, or references on the CPU.

@@ -3,6 +3,7 @@
 mod accuracy;
 mod bench;
 mod cli;
+mod gpu;
 mod judge;
 mod kernel;
 mod machine;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     let outcome = match cli::Cli::parse().command {
         cli::Command::Bench(args) => bench::run(&args),
         cli::Command::Accuracy(args) => accuracy::run(&args),
+        cli::Command::Gpu(args) => gpu::run(&args),
         cli::Command::Report(args) => report::run(&args),
         cli::Command::Render(args) => render::run(&args),
         cli::Command::Stability(args) => stability::run(&args),

@@ -2,7 +2,7 @@
 
 use crate::{Composed, Library, ShaderError, spirv};
 use naga::{
-    AddressSpace, ShaderStage, SourceLocation, StorageAccess,
+    AddressSpace, ShaderStage, SourceLocation, StorageAccess, TypeInner,
     back::{pipeline_constants::process_overrides, spv},
     proc::{BoundsCheckPolicies, BoundsCheckPolicy},
     valid::{Capabilities, ValidationFlags, Validator},
@@ -35,8 +35,35 @@ pub enum BindingKind {
         /// The shader may write to it.
         writable: bool,
     },
+    /// An acceleration structure of the driver's own ray tracing.
+    AccelerationStructure,
     /// A texture or sampler.
     Handle,
+}
+
+/// Where in a pipeline an entry point belongs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// A compute pipeline, alone.
+    Compute,
+    /// A ray-tracing pipeline: sends rays.
+    RayGeneration,
+    /// A ray-tracing pipeline: for rays that hit nothing.
+    Miss,
+    /// A ray-tracing pipeline: for the nearest hit of a ray.
+    ClosestHit,
+}
+
+impl Stage {
+    const fn of(stage: ShaderStage) -> Option<Self> {
+        match stage {
+            ShaderStage::Compute => Some(Self::Compute),
+            ShaderStage::RayGeneration => Some(Self::RayGeneration),
+            ShaderStage::Miss => Some(Self::Miss),
+            ShaderStage::ClosestHit => Some(Self::ClosestHit),
+            _ => None,
+        }
+    }
 }
 
 /// A resource that an entry point uses.
@@ -52,28 +79,31 @@ pub struct Binding {
     pub name: String,
 }
 
-/// An entry point in SPIR-V 1.3, with all that a pipeline has to know of it.
+/// An entry point in SPIR-V 1.3 (1.4 for ray-tracing pipelines, which need it), with all that a
+/// pipeline has to know of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shader {
     /// The module, with this entry point alone.
     pub words: Vec<u32>,
     /// The name of the entry point.
     pub entry: String,
+    /// Where it belongs.
+    pub stage: Stage,
     /// `module.wgsl:entry`, for messages.
     pub label: String,
     /// What the entry point uses, by group and binding.
     pub bindings: Vec<Binding>,
     /// Bytes of its `var<immediate>`, which are push constants in Vulkan; 0 without.
     pub immediate_bytes: u32,
-    /// Invocations of a workgroup along x, y and z.
+    /// Invocations of a workgroup along x, y and z; 0 for stages that have none.
     pub workgroup_size: [u32; 3],
 }
 
 /// The translator's options that leave out whatever the source does not ask for: no bounds checks,
 /// no bounded loops, no zeroed workgroup memory. Kernels are written to need none of it.
-fn lean<'a>() -> spv::Options<'a> {
+fn lean<'a>(stage: Stage) -> spv::Options<'a> {
     spv::Options {
-        lang_version: (1, 3),
+        lang_version: if stage == Stage::Compute { (1, 3) } else { (1, 4) },
         flags: spv::WriterFlags::empty(),
         bounds_check_policies: BoundsCheckPolicies {
             index: BoundsCheckPolicy::Unchecked,
@@ -84,6 +114,8 @@ fn lean<'a>() -> spv::Options<'a> {
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,
         emit_int_div_checks: false,
+        ray_query_initialization_tracking: false,
+        trace_ray_argument_validation: false,
         fake_missing_bindings: true,
         ..spv::Options::default()
     }
@@ -100,7 +132,7 @@ impl Library {
         parse(module, &composed).map(|_| ())
     }
 
-    /// The names of a module's compute entry points.
+    /// The names of a module's entry points for compute and ray-tracing pipelines.
     ///
     /// # Errors
     /// [`ShaderError`] names the file and line.
@@ -108,11 +140,12 @@ impl Library {
         let composed = self.compose(module)?;
         let (parsed, _) = parse(module, &composed)?;
         let entries = parsed.entry_points.into_iter();
-        let compute = entries.filter(|entry| entry.stage == ShaderStage::Compute);
-        Ok(compute.map(|entry| entry.name).collect())
+        let known = entries.filter(|entry| Stage::of(entry.stage).is_some());
+        Ok(known.map(|entry| entry.name).collect())
     }
 
-    /// Composes and validates a module and translates a compute entry point to SPIR-V.
+    /// Composes and validates a module and translates an entry point to SPIR-V: of a compute shader,
+    /// or of ray generation, miss or closest hit.
     ///
     /// Workgroup memory and the arrays of functions begin with whatever was there: kernels write
     /// them before they read them.
@@ -127,25 +160,27 @@ impl Library {
     ) -> Result<Shader, ShaderError> {
         let composed = self.compose(module)?;
         let (parsed, info) = parse(module, &composed)?;
-        let stage = ShaderStage::Compute;
-        if !parsed.entry_points.iter().any(|e| e.stage == stage && e.name == entry) {
-            let compute = parsed.entry_points.iter().filter(|e| e.stage == stage);
-            let names: Vec<_> = compute.map(|e| e.name.as_str()).collect();
+        let points = || parsed.entry_points.iter();
+        let found = points().find(|e| e.name == entry).map(|e| e.stage);
+        let Some((stage, own)) = found.and_then(|stage| Some((stage, Stage::of(stage)?))) else {
+            let known = points().filter(|e| Stage::of(e.stage).is_some());
+            let names: Vec<_> = known.map(|e| e.name.as_str()).collect();
             return Err(ShaderError::UnknownEntry {
                 module: module.to_owned(),
                 entry: entry.to_owned(),
                 known: names.join(", "),
             });
-        }
+        };
         let constants = options.constants.iter().map(|&(name, x)| (name.to_owned(), x)).collect();
         let (parsed, info) =
             process_overrides(&parsed, &info, Some((stage, entry)), &constants).map_err(
                 |error| ShaderError::Constant { module: module.to_owned(), message: chain(&error) },
             )?;
         let pipeline = spv::PipelineOptions { shader_stage: stage, entry_point: entry.to_owned() };
-        let words = spv::write_vec(&parsed, &info, &lean(), Some(&pipeline)).map_err(|error| {
-            ShaderError::Untranslatable { module: module.to_owned(), message: chain(&error) }
-        })?;
+        let words =
+            spv::write_vec(&parsed, &info, &lean(own), Some(&pipeline)).map_err(|error| {
+                ShaderError::Untranslatable { module: module.to_owned(), message: chain(&error) }
+            })?;
         let index = parsed.entry_points.iter().position(|e| e.stage == stage && e.name == entry);
         let index = index.unwrap_or_default();
         let used = info.get_entry_point(index);
@@ -164,7 +199,10 @@ impl Library {
                 AddressSpace::Storage { access } => {
                     BindingKind::Storage { writable: access.contains(StorageAccess::STORE) }
                 }
-                _ => BindingKind::Handle,
+                _ => match parsed.types[variable.ty].inner {
+                    TypeInner::AccelerationStructure { .. } => BindingKind::AccelerationStructure,
+                    _ => BindingKind::Handle,
+                },
             };
             let name = variable.name.clone().unwrap_or_default();
             bindings.push(Binding { group: place.group, binding: place.binding, kind, name });
@@ -173,6 +211,7 @@ impl Library {
         Ok(Shader {
             words: spirv::finish(words, options.exact),
             entry: entry.to_owned(),
+            stage: own,
             label: format!("{module}.wgsl:{entry}"),
             bindings,
             immediate_bytes,

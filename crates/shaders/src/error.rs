@@ -44,14 +44,17 @@ pub enum ShaderError {
         /// What is wrong.
         message: String,
     },
-    /// The module has no compute entry point of the name. Remedy: one of those that are listed.
-    #[error("{module}.wgsl has no compute entry point {entry:?}; it has: {known}")]
+    /// The module has no entry point of the name that can be translated: of a compute shader, or of
+    /// ray generation, miss or closest hit. Remedy: one of those that are listed.
+    #[error(
+        "{module}.wgsl has no entry point {entry:?} for compute or ray tracing; it has: {known}"
+    )]
     UnknownEntry {
         /// The module.
         module: String,
         /// What was asked for.
         entry: String,
-        /// All its compute entry points.
+        /// All that it has.
         known: String,
     },
     /// A constant is missing, unknown, or has a value that its type or place does not allow.

@@ -40,7 +40,7 @@ mod error;
 mod library;
 mod spirv;
 
-pub use compile::{Binding, BindingKind, Options, Shader};
+pub use compile::{Binding, BindingKind, Options, Shader, Stage};
 pub use error::ShaderError;
 pub use library::{Composed, Library};
 

@@ -19,6 +19,11 @@ macro_rules! embedded {
 const EMBEDDED: &[(&str, &str)] = embedded![
     "boxes",
     "drive",
+    "driver/common",
+    "driver/enable_pipeline",
+    "driver/enable_query",
+    "driver/pipeline",
+    "driver/query",
     "float",
     "hybrid/counters",
     "hybrid/cull",

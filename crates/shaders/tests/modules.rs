@@ -3,7 +3,7 @@
 use niwaki_shaders::{Library, Options, names};
 
 /// Files that are part of a module, and none by themselves.
-const PARTS: [&str; 1] = ["drive"];
+const PARTS: [&str; 2] = ["drive", "driver/common"];
 
 #[test]
 fn every_module_is_valid() {

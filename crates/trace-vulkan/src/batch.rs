@@ -2,13 +2,14 @@
 
 use crate::{
     Buffer, Device, GpuError, Kernel,
-    kernel::descriptor_type,
     memory::Allocation,
+    pipeline::{Pipeline, descriptor_type},
     timing::{Marks, Timings},
 };
 use ash::vk;
 use bytemuck::NoUninit;
-use std::sync::Arc;
+use niwaki_shaders::BindingKind;
+use std::{any::Any, sync::Arc};
 
 /// Dispatches that share a descriptor pool.
 const SETS: u32 = 32;
@@ -22,14 +23,23 @@ const BINDINGS: u32 = 8;
 /// [`Batch::overlap`] says that the next one needs nothing of it. The batch keeps what its commands
 /// use.
 pub struct Batch {
-    device: Device,
+    pub(crate) device: Device,
     pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
+    pub(crate) commands: vk::CommandBuffer,
     descriptors: Vec<vk::DescriptorPool>,
     kept: Kept,
     marks: Marks,
     /// There is a command that no barrier follows.
     is_dirty: bool,
+    /// Stages other than compute and transfer that have written since the last barrier.
+    written_by: vk::PipelineStageFlags,
+}
+
+/// What is bound.
+#[derive(Clone, Copy)]
+pub(crate) enum Resource<'a> {
+    Buffer(&'a Buffer),
+    Structure(vk::AccelerationStructureKHR),
 }
 
 /// What the device reads and writes until it has answered.
@@ -37,6 +47,7 @@ pub struct Batch {
 struct Kept {
     memory: Vec<Arc<Allocation>>,
     kernels: Vec<Kernel>,
+    others: Vec<Arc<dyn Any + Send + Sync>>,
 }
 
 impl std::fmt::Debug for Batch {
@@ -85,6 +96,7 @@ impl Device {
             kept: Kept::default(),
             marks: Marks::default(),
             is_dirty: false,
+            written_by: vk::PipelineStageFlags::empty(),
         };
         let allocate = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
@@ -127,11 +139,23 @@ impl Batch {
         immediates: &T,
         groups: [u32; 3],
     ) -> Result<&mut Self, GpuError> {
+        let resources: Vec<_> = buffers.iter().map(|&buffer| Resource::Buffer(buffer)).collect();
+        self.dispatch_resources(kernel, &resources, immediates, groups)
+    }
+
+    /// [`Batch::dispatch`] with acceleration structures among what is bound, which the caller keeps.
+    pub(crate) fn dispatch_resources<T: NoUninit>(
+        &mut self,
+        kernel: &Kernel,
+        resources: &[Resource<'_>],
+        immediates: &T,
+        groups: [u32; 3],
+    ) -> Result<&mut Self, GpuError> {
         let limits = self.device.info().max_groups;
         for (n, limit) in groups.into_iter().zip(limits) {
             if n > limit {
                 return Err(GpuError::TooLarge {
-                    what: format!("the number of workgroups of {}", kernel.inner.label),
+                    what: format!("the number of workgroups of {}", kernel.inner.pipeline.label),
                     wanted: u64::from(n),
                     limit: u64::from(limit),
                     remedy: "use two dimensions (DeviceInfo::groups_for) or several dispatches",
@@ -141,7 +165,7 @@ impl Batch {
         if groups.contains(&0) {
             return Ok(self);
         }
-        self.bind(kernel, buffers, immediates)?;
+        self.bind_kernel(kernel, resources, immediates)?;
         let [x, y, z] = groups;
         // SAFETY: commands are being recorded, everything is bound, and the numbers are within the
         // limits.
@@ -162,7 +186,8 @@ impl Batch {
         (groups, start): (&Buffer, u64),
     ) -> Result<&mut Self, GpuError> {
         let groups = groups.view(start, start.saturating_add(12))?;
-        self.bind(kernel, buffers, immediates)?;
+        let resources: Vec<_> = buffers.iter().map(|&buffer| Resource::Buffer(buffer)).collect();
+        self.bind_kernel(kernel, &resources, immediates)?;
         // SAFETY: commands are being recorded, everything is bound, and the three numbers are in
         // the buffer.
         unsafe {
@@ -281,25 +306,33 @@ impl Batch {
     }
 
     /// Orders the next command after those before it.
-    fn barrier(&mut self) {
+    pub(crate) fn barrier(&mut self) {
         if std::mem::replace(&mut self.is_dirty, true) {
+            let written_by = std::mem::take(&mut self.written_by);
             let all = vk::PipelineStageFlags::ALL_COMMANDS | vk::PipelineStageFlags::HOST;
-            let barrier = vk::MemoryBarrier::default()
-                .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-                .dst_access_mask(
-                    vk::AccessFlags::SHADER_READ
-                        | vk::AccessFlags::SHADER_WRITE
-                        | vk::AccessFlags::UNIFORM_READ
-                        | vk::AccessFlags::TRANSFER_READ
-                        | vk::AccessFlags::TRANSFER_WRITE
-                        | vk::AccessFlags::INDIRECT_COMMAND_READ
-                        | vk::AccessFlags::HOST_READ,
-                );
-            // SAFETY: commands are being recorded, outside of a render pass.
+            let mut from = vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE;
+            let mut to = vk::AccessFlags::SHADER_READ
+                | vk::AccessFlags::SHADER_WRITE
+                | vk::AccessFlags::UNIFORM_READ
+                | vk::AccessFlags::TRANSFER_READ
+                | vk::AccessFlags::TRANSFER_WRITE
+                | vk::AccessFlags::INDIRECT_COMMAND_READ
+                | vk::AccessFlags::HOST_READ;
+            if self.device.inner.ray_tracing.is_some() {
+                to |= vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR
+                    | vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR;
+            }
+            if written_by.contains(vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR) {
+                from |= vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR;
+            }
+            let barrier = vk::MemoryBarrier::default().src_access_mask(from).dst_access_mask(to);
+            let stages = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+            // SAFETY: commands are being recorded, outside of a render pass; stages and accesses of
+            // ray tracing are named where its features are enabled.
             unsafe {
                 self.device.inner.handle.cmd_pipeline_barrier(
                     self.commands,
-                    vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
+                    stages | written_by,
                     all,
                     vk::DependencyFlags::empty(),
                     &[barrier],
@@ -310,99 +343,151 @@ impl Batch {
         }
     }
 
-    fn keep(&mut self, allocation: &Arc<Allocation>) {
+    /// Says that the command that was just recorded writes in another stage than compute and
+    /// transfer.
+    pub(crate) fn note_stage(&mut self, stage: vk::PipelineStageFlags) {
+        self.written_by |= stage;
+    }
+
+    /// Keeps what a command uses until the device has answered.
+    pub(crate) fn keep_other(&mut self, other: Arc<dyn Any + Send + Sync>) {
+        self.kept.others.push(other);
+    }
+
+    pub(crate) fn keep(&mut self, allocation: &Arc<Allocation>) {
         if !self.kept.memory.iter().rev().take(16).any(|kept| Arc::ptr_eq(kept, allocation)) {
             self.kept.memory.push(allocation.clone());
         }
     }
 
-    fn bind<T: NoUninit>(
+    /// Binds a kernel with what its bindings name.
+    fn bind_kernel<T: NoUninit>(
         &mut self,
         kernel: &Kernel,
-        buffers: &[&Buffer],
+        resources: &[Resource<'_>],
         immediates: &T,
     ) -> Result<(), GpuError> {
-        let inner = kernel.inner.clone();
+        self.bind(&kernel.inner.pipeline, resources, bytemuck::bytes_of(immediates))?;
+        self.kept.kernels.push(kernel.clone());
+        Ok(())
+    }
+
+    /// Binds a pipeline, which the caller keeps, with what its bindings name.
+    pub(crate) fn bind(
+        &mut self,
+        pipeline: &Pipeline,
+        resources: &[Resource<'_>],
+        immediates: &[u8],
+    ) -> Result<(), GpuError> {
         let mismatch =
-            |message: String| GpuError::Mismatch { kernel: inner.label.clone(), message };
-        let immediates: &[u8] = bytemuck::bytes_of(immediates);
-        if immediates.len() != inner.immediate_bytes as usize {
+            |message: String| GpuError::Mismatch { kernel: pipeline.label.clone(), message };
+        if immediates.len() != pipeline.immediate_bytes as usize {
             return Err(mismatch(format!(
                 "{} bytes of immediates were given, the shader has {}",
                 immediates.len(),
-                inner.immediate_bytes
+                pipeline.immediate_bytes
             )));
         }
-        if buffers.len() != inner.bindings.len() {
-            let names: Vec<_> = inner.bindings.iter().map(|b| b.name.as_str()).collect();
+        if resources.len() != pipeline.bindings.len() {
+            let names: Vec<_> = pipeline.bindings.iter().map(|b| b.name.as_str()).collect();
             return Err(mismatch(format!(
                 "{} buffers were given, the shader has {}: {}",
-                buffers.len(),
+                resources.len(),
                 names.len(),
                 names.join(", ")
             )));
         }
         let info = self.device.info();
         let (limit, alignment) = (info.max_binding_bytes, info.binding_alignment);
-        for (buffer, binding) in buffers.iter().zip(&inner.bindings) {
-            if buffer.bound() > limit {
-                return Err(GpuError::TooLarge {
-                    what: format!("the buffer {} of {}, in bytes,", binding.name, inner.label),
-                    wanted: buffer.bound(),
-                    limit,
-                    remedy: "bind a part of it (Buffer::view), or use a device that allows more",
-                });
-            }
-            if !buffer.start.is_multiple_of(alignment) {
-                return Err(mismatch(format!(
-                    "{} begins at byte {}, which is no multiple of {alignment}",
-                    binding.name, buffer.start
-                )));
+        let mut parts = Vec::with_capacity(resources.len());
+        let mut structures = Vec::with_capacity(resources.len());
+        for (resource, binding) in resources.iter().zip(&pipeline.bindings) {
+            let is_structure = binding.kind == BindingKind::AccelerationStructure;
+            match resource {
+                Resource::Buffer(_) if is_structure => {
+                    let name = &binding.name;
+                    return Err(mismatch(format!("{name} is an acceleration structure")));
+                }
+                Resource::Structure(_) if !is_structure => {
+                    return Err(mismatch(format!("{} is a buffer", binding.name)));
+                }
+                Resource::Buffer(buffer) => {
+                    if buffer.bound() > limit {
+                        return Err(GpuError::TooLarge {
+                            what: format!(
+                                "the buffer {} of {}, in bytes,",
+                                binding.name, pipeline.label
+                            ),
+                            wanted: buffer.bound(),
+                            limit,
+                            remedy: "bind a part of it (Buffer::view), or use a device that allows more",
+                        });
+                    }
+                    if !buffer.start.is_multiple_of(alignment) {
+                        return Err(mismatch(format!(
+                            "{} begins at byte {}, which is no multiple of {alignment}",
+                            binding.name, buffer.start
+                        )));
+                    }
+                    parts.push([vk::DescriptorBufferInfo::default()
+                        .buffer(buffer.allocation.buffer)
+                        .offset(buffer.start)
+                        .range(buffer.bound())]);
+                    structures.push([vk::AccelerationStructureKHR::null()]);
+                }
+                Resource::Structure(structure) => {
+                    parts.push([vk::DescriptorBufferInfo::default()]);
+                    structures.push([*structure]);
+                }
             }
         }
-        let set = self.descriptor_set(kernel)?;
-        let parts: Vec<_> = buffers
+        let set = self.descriptor_set(pipeline)?;
+        let mut of_structures: Vec<_> = structures
             .iter()
-            .map(|b| {
-                [vk::DescriptorBufferInfo::default()
-                    .buffer(b.allocation.buffer)
-                    .offset(b.start)
-                    .range(b.bound())]
+            .map(|structures| {
+                vk::WriteDescriptorSetAccelerationStructureKHR::default()
+                    .acceleration_structures(structures)
             })
             .collect();
-        let writes = inner.bindings.iter().zip(&parts).map(|(binding, part)| {
-            vk::WriteDescriptorSet::default()
+        let all = pipeline.bindings.iter().zip(&parts).zip(&mut of_structures);
+        let writes = all.map(|((binding, part), structure)| {
+            let write = vk::WriteDescriptorSet::default()
                 .dst_set(set)
                 .dst_binding(binding.binding)
-                .descriptor_type(descriptor_type(binding.kind).unwrap_or_default())
-                .buffer_info(part)
+                .descriptor_type(descriptor_type(binding.kind).unwrap_or_default());
+            if binding.kind == BindingKind::AccelerationStructure {
+                write.descriptor_count(1).push_next(structure)
+            } else {
+                write.buffer_info(part)
+            }
         });
         let writes: Vec<_> = writes.collect();
         self.barrier();
         let device = &self.device.inner.handle;
-        // SAFETY: the set is new and of the kernel's layout, buffers are kept until the device has
-        // answered, and the immediates are as long as the layout says.
+        // SAFETY: the set is new and of the pipeline's layout, buffers and structures are kept until
+        // the device has answered, and the immediates are as long as the layout says.
         unsafe {
             device.update_descriptor_sets(&writes, &[]);
-            let point = vk::PipelineBindPoint::COMPUTE;
-            device.cmd_bind_pipeline(self.commands, point, inner.pipeline);
-            device.cmd_bind_descriptor_sets(self.commands, point, inner.layout, 0, &[set], &[]);
+            let (point, layout) = (pipeline.point, pipeline.layout);
+            device.cmd_bind_pipeline(self.commands, point, pipeline.pipeline);
+            device.cmd_bind_descriptor_sets(self.commands, point, layout, 0, &[set], &[]);
             if !immediates.is_empty() {
-                let stage = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(self.commands, inner.layout, stage, 0, immediates);
+                let stages = pipeline.stages;
+                device.cmd_push_constants(self.commands, layout, stages, 0, immediates);
             }
         }
-        for buffer in buffers {
-            self.keep(&buffer.allocation);
+        for resource in resources {
+            if let Resource::Buffer(buffer) = resource {
+                self.keep(&buffer.allocation);
+            }
         }
-        self.kept.kernels.push(kernel.clone());
         Ok(())
     }
 
-    /// A new set of a kernel's layout.
-    fn descriptor_set(&mut self, kernel: &Kernel) -> Result<vk::DescriptorSet, GpuError> {
+    /// A new set of a pipeline's layout.
+    fn descriptor_set(&mut self, pipeline: &Pipeline) -> Result<vk::DescriptorSet, GpuError> {
         let device = self.device.inner.clone();
-        let layouts = [kernel.inner.set_layout];
+        let layouts = [pipeline.set_layout];
         if let Some(&pool) = self.descriptors.last() {
             let allocate = vk::DescriptorSetAllocateInfo::default()
                 .descriptor_pool(pool)
@@ -415,12 +500,15 @@ impl Batch {
             }
             // Empty, presumably: a new one tells.
         }
-        let own = niwaki_core::to_u32(kernel.inner.bindings.len());
+        let own = niwaki_core::to_u32(pipeline.bindings.len());
         let size = |kind, count| vk::DescriptorPoolSize::default().ty(kind).descriptor_count(count);
-        let sizes = [
+        let mut sizes = vec![
             size(vk::DescriptorType::STORAGE_BUFFER, SETS * BINDINGS + own),
             size(vk::DescriptorType::UNIFORM_BUFFER, SETS + own),
         ];
+        if device.ray_tracing.is_some() {
+            sizes.push(size(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR, SETS + own));
+        }
         let create = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
         // SAFETY: plain sizes.
         let pool = unsafe { device.handle.create_descriptor_pool(&create, None) }

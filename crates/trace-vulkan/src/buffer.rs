@@ -34,6 +34,17 @@ impl Device {
         Ok(Buffer { allocation, device: self.clone(), start: 0, size })
     }
 
+    /// A buffer with an address, for the driver's own ray tracing; on devices that have it.
+    pub(crate) fn addressed(
+        &self,
+        size: u64,
+        uses: ash::vk::BufferUsageFlags,
+    ) -> Result<Buffer, GpuError> {
+        let place = Place::Addressed(uses);
+        let allocation = Arc::new(Allocation::new(&self.inner, size, place)?);
+        Ok(Buffer { allocation, device: self.clone(), start: 0, size })
+    }
+
     /// A buffer with these contents.
     ///
     /// # Errors
@@ -50,6 +61,14 @@ impl Buffer {
     #[must_use]
     pub const fn size(&self) -> u64 {
         self.size
+    }
+
+    /// Its address, if it is of [`Device::addressed`].
+    pub(crate) fn address(&self) -> u64 {
+        let info = ash::vk::BufferDeviceAddressInfo::default().buffer(self.allocation.buffer);
+        // SAFETY: callers give buffers that were made for it, on a device with the feature.
+        let first = unsafe { self.device.inner.handle.get_buffer_device_address(&info) };
+        first + self.start
     }
 
     /// Bytes that are bound: never none, whatever the size.

@@ -61,6 +61,14 @@ pub enum GpuError {
         /// What to do.
         remedy: &'static str,
     },
+    /// The device or its driver lacks something. Remedy: as it says.
+    #[error("the device offers no {what}; {remedy}")]
+    NotOffered {
+        /// What it lacks.
+        what: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// A kernel was given other buffers or constants than its shader declares. Remedy: as the
     /// message says.
     #[error("{kernel}: {message}")]

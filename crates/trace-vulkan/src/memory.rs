@@ -14,6 +14,9 @@ pub(crate) enum Place {
     Device,
     /// Mapped into the memory of the process.
     Host,
+    /// Has an address that the driver's own ray tracing is given, for these uses and by kernels.
+    /// Only on devices that have ray tracing.
+    Addressed(vk::BufferUsageFlags),
 }
 
 /// A buffer and its memory.
@@ -51,6 +54,12 @@ impl Allocation {
                     | vk::BufferUsageFlags::TRANSFER_DST
             }
             Place::Host => vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST,
+            Place::Addressed(uses) => {
+                uses | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+                    | vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::TRANSFER_SRC
+                    | vk::BufferUsageFlags::TRANSFER_DST
+            }
         };
         let create = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device lives, and the size is neither zero nor above the limit.
@@ -68,9 +77,14 @@ impl Allocation {
                 wanted: size,
             });
         };
-        let allocate = vk::MemoryAllocateInfo::default()
+        let mut flags =
+            vk::MemoryAllocateFlagsInfo::default().flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
+        let mut allocate = vk::MemoryAllocateInfo::default()
             .allocation_size(needs.size)
             .memory_type_index(memory_type);
+        if matches!(place, Place::Addressed(_)) {
+            allocate = allocate.push_next(&mut flags);
+        }
         // SAFETY: the type is one that the buffer allows.
         let memory = unsafe { device.handle.allocate_memory(&allocate, None) };
         allocation.memory = memory.map_err(|code| {
@@ -112,7 +126,9 @@ fn memory_type(
     };
     let mapped = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
     match place {
-        Place::Device => with(Flags::DEVICE_LOCAL).or_else(|| with(Flags::empty())),
+        Place::Device | Place::Addressed(_) => {
+            with(Flags::DEVICE_LOCAL).or_else(|| with(Flags::empty()))
+        }
         // Uncached memory is read at a fraction of the speed.
         Place::Host => with(mapped | Flags::HOST_CACHED).or_else(|| with(mapped)),
     }

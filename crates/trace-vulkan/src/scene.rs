@@ -67,6 +67,28 @@ pub(crate) struct SceneWords {
     shifts: u32,
 }
 
+impl SceneWords {
+    /// Of a scene that is traced as it is, without being scaled.
+    pub(crate) fn unscaled(bounds: Aabb, nodes: u32) -> Self {
+        let bounds = if bounds.is_empty() {
+            Aabb::new(Default::default(), Default::default())
+        } else {
+            bounds
+        };
+        let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
+        Self {
+            bounds_min: bounds.min.into(),
+            factor: 1.0,
+            bounds_max: bounds.max.into(),
+            magnitude,
+            nodes,
+            rays: 0,
+            is_moderate: u32::from(magnitude <= 1e10),
+            shifts: 0,
+        }
+    }
+}
+
 /// A buffer of equal elements, as the parts that are bound.
 #[derive(Clone, Debug)]
 pub(crate) struct Pieces {
@@ -241,22 +263,7 @@ impl GpuScene {
     /// [`GpuError::TooLarge`].
     pub fn adopt(tree: DeviceTree) -> Result<Self, GpuError> {
         let DeviceTree { nodes, parents, triangles, mode, bounds } = tree;
-        let bounds = if bounds.is_empty() {
-            Aabb::new(Default::default(), Default::default())
-        } else {
-            bounds
-        };
-        let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let scale = SceneWords {
-            bounds_min: bounds.min.into(),
-            factor: 1.0,
-            bounds_max: bounds.max.into(),
-            magnitude,
-            nodes: 0,
-            rays: 0,
-            is_moderate: u32::from(magnitude <= 1e10),
-            shifts: 0,
-        };
+        let scale = SceneWords::unscaled(bounds, 0);
         let is_deep = parents.is_some();
         Self::from_buffers(TreeLayout::Binary, mode, &nodes, &triangles, (parents, is_deep), scale)
     }

@@ -9,14 +9,14 @@ use std::{
 };
 
 /// Invocations of a workgroup.
-const WORKGROUP: u32 = 64;
+pub(crate) const WORKGROUP: u32 = 64;
 
 /// Rays of a submission at most: few enough that none takes long, whatever the device, and many
 /// enough to fill one.
-const CHUNK: usize = 1 << 20;
+pub(crate) const CHUNK: usize = 1 << 20;
 
 /// Bytes of a ray.
-const RAY_BYTES: u64 = 32;
+pub(crate) const RAY_BYTES: u64 = 32;
 
 /// A ray that has not begun, `FRESH` of `tracing.wgsl`.
 const FRESH: u32 = u32::MAX;
@@ -373,7 +373,7 @@ impl Tracer {
 }
 
 /// Whether `fma` rounds once, by example: Vulkan leaves it open.
-fn is_fused(device: &Device) -> Result<bool, GpuError> {
+pub(crate) fn is_fused(device: &Device) -> Result<bool, GpuError> {
     let kernel = device.kernel("probe", "main", &[])?;
     // Products whose lower halves count, as the sum takes the upper ones away.
     let operands: Vec<[f32; 4]> = (1..=256_u16)

@@ -1,5 +1,6 @@
 //! What a device is and can do.
 
+use super::ray_tracing::Offer;
 use ash::vk;
 use std::ffi::CStr;
 
@@ -56,9 +57,9 @@ pub struct DeviceInfo {
     /// How often a shader's loops may turn, all together, before the driver ends them without a
     /// word: 65,535 in Mesa's software driver. `None` for no limit.
     pub max_loop_turns: Option<u32>,
-    /// Extensions for hardware or driver ray tracing: acceleration structures with ray queries.
+    /// The driver's own ray tracing by ray queries ([`crate::DriverMethod::Query`]).
     pub has_ray_query: bool,
-    /// The same with ray-tracing pipelines.
+    /// The same by ray-tracing pipelines ([`crate::DriverMethod::Pipeline`]).
     pub has_ray_pipeline: bool,
 }
 
@@ -81,6 +82,7 @@ pub(crate) struct Candidate {
     pub(crate) physical: vk::PhysicalDevice,
     pub(crate) queue_family: u32,
     pub(crate) info: DeviceInfo,
+    pub(crate) offer: Offer,
 }
 
 /// All devices that can compute.
@@ -141,7 +143,7 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<C
     let text = |words: Result<&CStr, _>| {
         words.map(|words: &CStr| words.to_string_lossy().into_owned()).unwrap_or_default()
     };
-    let has_structures = has(ash::khr::acceleration_structure::NAME);
+    let offer = Offer::of(instance, physical, &basic, has);
     let info = DeviceInfo {
         name: text(basic.device_name_as_c_str()),
         kind: match basic.device_type {
@@ -181,8 +183,8 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<C
         has_float64: features.shader_float64 == vk::TRUE,
         // LP_MAX_TGSI_LOOP_ITERATIONS of gallivm.
         max_loop_turns: (driver.driver_id == vk::DriverId::MESA_LLVMPIPE).then_some(65_535),
-        has_ray_query: has_structures && has(ash::khr::ray_query::NAME),
-        has_ray_pipeline: has_structures && has(ash::khr::ray_tracing_pipeline::NAME),
+        has_ray_query: offer.has_query,
+        has_ray_pipeline: offer.has_pipeline,
     };
-    Some(Candidate { physical, queue_family: niwaki_core::to_u32(family), info })
+    Some(Candidate { physical, queue_family: niwaki_core::to_u32(family), info, offer })
 }

@@ -2,15 +2,18 @@
 
 mod info;
 mod options;
+mod ray_tracing;
 mod validation;
 
 pub use info::{DeviceInfo, DeviceKind};
 pub use options::DeviceOptions;
+pub(crate) use ray_tracing::RayTracing;
 
 use crate::GpuError;
 use ash::vk;
 use info::{Candidate, candidates};
 use options::CHOICE;
+use ray_tracing::{Features, Offer};
 use std::{
     mem::ManuallyDrop,
     sync::{
@@ -72,6 +75,8 @@ pub(crate) struct DeviceInner {
     pub(crate) queue_family: u32,
     pub(crate) memory: vk::PhysicalDeviceMemoryProperties,
     pub(crate) pipeline_cache: vk::PipelineCache,
+    /// The driver's own, where it is enabled.
+    pub(crate) ray_tracing: Option<RayTracing>,
     timestamp_mask: u64,
     queue: Mutex<vk::Queue>,
     is_lost: AtomicBool,
@@ -166,7 +171,13 @@ impl Device {
         let found = candidates(&instance.handle);
         let found = found.map_err(|code| GpuError::NoDevice(code.to_string()))?;
         let wanted = options.device.clone().or_else(|| std::env::var(CHOICE).ok());
-        let Candidate { physical, queue_family, mut info } = choose(found, wanted.as_deref())?;
+        let Candidate { physical, queue_family, mut info, mut offer } =
+            choose(found, wanted.as_deref())?;
+        if !options.ray_tracing {
+            offer = Offer::default();
+            info.has_ray_query = false;
+            info.has_ray_pipeline = false;
+        }
         if let Some(limit) = options.max_binding_bytes {
             info.max_binding_bytes = info.max_binding_bytes.min(limit);
         }
@@ -177,16 +188,22 @@ impl Device {
         let features = vk::PhysicalDeviceFeatures::default()
             .shader_int64(info.has_int64)
             .shader_float64(info.has_float64)
+            .geometry_shader(offer.has_pipeline)
             .robust_buffer_access(options.robust);
         let mut atomics = vk::PhysicalDeviceShaderAtomicInt64Features::default()
             .shader_buffer_int64_atomics(info.has_int64_atomics);
-        let mut create =
-            vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
+        let extensions = offer.extensions();
+        let mut of_rays = Features::new();
+        let mut create = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_features(&features)
+            .enabled_extension_names(&extensions);
+        create = of_rays.ask(&offer, create);
         if info.has_int64_atomics {
             create = create.push_next(&mut atomics);
         }
-        // SAFETY: the device is of this instance, and all features were found to be there; robust
-        // buffer access always is.
+        // SAFETY: the device is of this instance, and all features and extensions were found to be
+        // there; robust buffer access always is.
         let handle = unsafe { instance.handle.create_device(physical, &create, None) }
             .map_err(|code| GpuError::of("vkCreateDevice", code))?;
         // SAFETY: the family has at least one queue, which was asked for.
@@ -204,6 +221,7 @@ impl Device {
             )
         };
         let bits = families[queue_family as usize].timestamp_valid_bits;
+        let ray_tracing = RayTracing::new(&instance.handle, &handle, &offer);
         let inner = DeviceInner {
             handle,
             info,
@@ -211,6 +229,7 @@ impl Device {
             queue_family,
             memory,
             pipeline_cache,
+            ray_tracing,
             timestamp_mask: u64::MAX.checked_shr(64 - bits.min(64)).unwrap_or_default(),
             queue: Mutex::new(queue),
             is_lost: AtomicBool::new(false),

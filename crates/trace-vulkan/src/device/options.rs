@@ -21,6 +21,9 @@ pub struct DeviceOptions {
     pub robust: bool,
     /// How long a submission may take until the device counts as lost. Default 60 s.
     pub timeout: Duration,
+    /// Enables the driver's own ray tracing where there is any, for [`crate::DriverScene`]. Default
+    /// true.
+    pub ray_tracing: bool,
     /// Pretends that bindings are limited to this many bytes, if that is less than the device
     /// allows: for tests of what happens beyond. Default `None`.
     pub max_binding_bytes: Option<u64>,
@@ -33,6 +36,7 @@ impl Default for DeviceOptions {
             validation: false,
             robust: false,
             timeout: Duration::from_secs(60),
+            ray_tracing: true,
             max_binding_bytes: None,
         }
     }

@@ -1,0 +1,2 @@
+enable wgpu_ray_tracing_pipeline;
+enable primitive_index;
