@@ -1,7 +1,7 @@
 //! What buffers hold: the Rust twins of the structures in `hybrid/scene.wgsl` and
 //! `hybrid/shadows.wgsl`.
 
-use crate::{Face, Region, Settings, Side};
+use crate::{Face, March, Region, Settings, Side};
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 use niwaki_render::shading::{Ambient, mean_fresnel};
@@ -227,6 +227,10 @@ impl FrameUniform {
             Environment::Sky { zenith, horizon, ground } => [zenith, horizon, ground],
         };
         let ambient = Ambient::of(&sky, settings.ambient);
+        let (n_min, n_max) = match settings.march {
+            March::Linear { n_min, n_max, .. } => (n_min, n_max),
+            March::Pixels | March::Hierarchical => (1, 1),
+        };
         let local = Region { center: Vec3::ZERO, ..*region };
         let mut hops = [Mat4::IDENTITY; 24];
         for face in Face::ALL {
@@ -247,8 +251,8 @@ impl FrameUniform {
             half_size: region.half_size,
             traced: region.traced,
             far: region.far,
-            n_min: settings.march.n_min as f32,
-            n_max: settings.march.n_max as f32,
+            n_min: n_min as f32,
+            n_max: n_max as f32,
             zenith,
             face_resolution: settings.face_resolution as f32,
             horizon,

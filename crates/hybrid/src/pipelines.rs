@@ -1,7 +1,7 @@
 //! Shader modules and pipelines, made when a frame first needs them.
 
 use crate::{
-    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, SampleRule, Settings, gpu::Slot,
+    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, March, SampleRule, Settings, gpu::Slot,
 };
 use std::{
     collections::HashMap,
@@ -52,7 +52,7 @@ impl Variant {
             reflect: plan.uses(Effect::ReflectionRays),
             refract: plan.uses(Effect::RefractionRays),
             use_map: faces,
-            as_printed: settings.march.rule == SampleRule::AsPrinted,
+            as_printed: matches!(settings.march, March::Linear { rule: SampleRule::AsPrinted, .. }),
             go_on: settings.behind == Behind::GoOn,
             debug_view: match settings.debug_view {
                 DebugView::None => 0,

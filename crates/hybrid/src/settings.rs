@@ -19,7 +19,7 @@ pub enum NearRegion {
     WholeScene,
 }
 
-/// How many samples a march through a face takes.
+/// How many samples a linear march through a face takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum SampleRule {
@@ -34,14 +34,48 @@ pub enum SampleRule {
 
 /// How rays are followed through the depth of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct March {
-    /// Fewest samples in a face.
-    pub n_min: u32,
-    /// Most samples in a face.
-    pub n_max: u32,
-    /// What lies between depends on the direction by this rule.
-    pub rule: SampleRule,
+#[non_exhaustive]
+pub enum March {
+    /// Samples at equal distances on the ray's line in the face (section 3.4). What lies between
+    /// two samples is missed if the ray is in front of it at both.
+    Linear {
+        /// Fewest samples in a face, 1 to 4096.
+        n_min: u32,
+        /// Most samples in a face, `n_min` to 4096.
+        n_max: u32,
+        /// What lies between depends on the direction by this rule.
+        rule: SampleRule,
+    },
+    /// Every pixel that the ray crosses is looked at, in order: nothing is missed. For comparison;
+    /// [`March::Hierarchical`] finds the same sooner.
+    Pixels,
+    /// Every pixel that the ray crosses counts, but cells of a pyramid over the face, which hold
+    /// the least and the greatest depth of their pixels, are passed at once where the ray meets
+    /// nothing between the two. The pyramid is made with the face.
+    Hierarchical,
 }
+
+impl March {
+    /// Whether it reads the pyramid of least and greatest depths.
+    #[must_use]
+    pub const fn needs_pyramid(&self) -> bool {
+        matches!(self, Self::Hierarchical)
+    }
+
+    /// With samples in their range.
+    fn sanitized(self) -> Self {
+        match self {
+            Self::Linear { n_min, n_max, rule } => {
+                let n_min = n_min.clamp(1, MOST_SAMPLES);
+                Self::Linear { n_min, n_max: n_max.clamp(n_min, MOST_SAMPLES), rule }
+            }
+            other => other,
+        }
+    }
+}
+
+/// Most samples that a linear march takes in a face.
+const MOST_SAMPLES: u32 = 4096;
 
 /// What becomes of a ray that passes behind a surface of the cube map, where the map knows
 /// nothing.
@@ -95,8 +129,12 @@ pub struct Settings {
     pub overlap: f32,
     /// Width and height of a face of the cube map in pixels, 1 to 16384.
     pub face_resolution: u32,
-    /// The march through a face.
+    /// How rays are followed through a face.
     pub march: March,
+    /// Layers of the cube map, 1 (the default) or 2. The second holds what comes next behind the
+    /// first and its thickness, so that rays that pass behind a surface may meet what it hides
+    /// (Mara et al. 2014, "Fast global illumination approximations on deep G-buffers").
+    pub layers: u32,
     /// What becomes of rays that pass behind the map's surfaces.
     pub behind: Behind,
     /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
@@ -132,7 +170,8 @@ impl Default for Settings {
             near_region: NearRegion::ShareOfScene(0.15),
             overlap: 0.01,
             face_resolution: 1024,
-            march: March { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            march: March::Linear { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            layers: 1,
             behind: Behind::GoOn,
             thickness: 1.0,
             max_depth: 4,
@@ -155,7 +194,7 @@ impl Settings {
         Self {
             near_region: NearRegion::ShareOfScene(0.05),
             face_resolution: 512,
-            march: March { n_min: 8, n_max: 64, rule: SampleRule::Grazing },
+            march: March::Linear { n_min: 8, n_max: 64, rule: SampleRule::Grazing },
             max_depth: 2,
             shadows: Shadows::Maps,
             shadow_resolution: 1024,
@@ -169,7 +208,7 @@ impl Settings {
         Self {
             near_region: NearRegion::ShareOfScene(0.3),
             face_resolution: 2048,
-            march: March { n_min: 32, n_max: 512, rule: SampleRule::Grazing },
+            march: March::Linear { n_min: 32, n_max: 512, rule: SampleRule::Grazing },
             max_depth: 8,
             shadow_resolution: 4096,
             ..Self::default()
@@ -186,7 +225,12 @@ impl Settings {
     /// As the paper describes it: marched rays that pass behind go to the sky, shadows by maps.
     #[must_use]
     pub fn paper() -> Self {
-        Self { behind: Behind::Sky, shadows: Shadows::Maps, ..Self::default() }
+        Self {
+            march: March::Linear { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            behind: Behind::Sky,
+            shadows: Shadows::Maps,
+            ..Self::default()
+        }
     }
 
     /// The settings with every value brought into its range; what is not a number becomes the
@@ -205,11 +249,11 @@ impl Settings {
             }
             _ => NearRegion::WholeScene,
         };
-        let n_min = self.march.n_min.clamp(1, 4096);
         Self {
             near_region,
             overlap: within(self.overlap, 0.0, 0.5, standard.overlap),
-            march: March { n_min, n_max: self.march.n_max.clamp(n_min, 4096), ..self.march },
+            march: self.march.sanitized(),
+            layers: self.layers.clamp(1, 2),
             thickness: within(self.thickness, 0.0, f32::MAX, standard.thickness),
             max_depth: self.max_depth.min(MAX_DEPTH),
             throughput_cutoff: within(self.throughput_cutoff, 0.0, 1.0, 0.0),
