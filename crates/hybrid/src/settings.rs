@@ -56,6 +56,9 @@ pub enum March {
 }
 
 impl March {
+    /// 16 to 192 samples, most for rays that cross many pixels.
+    pub const LINEAR: Self = Self::Linear { n_min: 16, n_max: 192, rule: SampleRule::Grazing };
+
     /// Whether it reads the pyramid of least and greatest depths.
     #[must_use]
     pub const fn needs_pyramid(&self) -> bool {
@@ -170,7 +173,7 @@ impl Default for Settings {
             near_region: NearRegion::ShareOfScene(0.15),
             overlap: 0.01,
             face_resolution: 1024,
-            march: March::Linear { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            march: March::LINEAR,
             layers: 1,
             behind: Behind::GoOn,
             thickness: 1.0,
@@ -226,7 +229,7 @@ impl Settings {
     #[must_use]
     pub fn paper() -> Self {
         Self {
-            march: March::Linear { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            march: March::LINEAR,
             behind: Behind::Sky,
             shadows: Shadows::Maps,
             ..Self::default()

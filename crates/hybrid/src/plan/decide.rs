@@ -321,7 +321,8 @@ impl Frame<'_> {
 
     fn shadow_layers(&self) -> u32 {
         let lights = self.facts.scene.lights;
-        to_u32(6 * (lights.point + lights.spot) + lights.directional)
+        let in_one = lights.directional + lights.spot - lights.wide_spot;
+        to_u32(6 * (lights.point + lights.wide_spot) + in_one)
     }
 
     fn shadow_maps(&self) -> Ruling {
