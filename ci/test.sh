@@ -71,7 +71,7 @@ if [ "$setup" = 1 ]; then
   cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode hybrid --explain --out out/ci-render
   step "accuracy of the hybrid renderer, small"
   cargo xtask accuracy --suite hybrid --quick --out out/ci-accuracy-hybrid
-  test -s out/ci-accuracy-hybrid/pictures/one_mirror-frame.png
+  test -s out/ci-accuracy-hybrid/pictures/gallery-frame.png
 fi
 
 step "report, merged"

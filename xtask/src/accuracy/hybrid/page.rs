@@ -66,7 +66,7 @@ fn add_scene(
     let frames: Vec<String> = scene.frames.iter().map(ToString::to_string).collect();
     let _ = writeln!(
         html,
-        "<h2>{}</h2>\n<p>{} triangles; frames {} of the 200 of its camera path.</p>",
+        "<h2>{}</h2>\n<p>{} triangles; of the 200 frames of its camera path: {}.</p>",
         escape(&scene.scene),
         grouped(scene.triangles as f64, 0),
         frames.join(", ")
