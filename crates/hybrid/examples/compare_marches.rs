@@ -7,7 +7,7 @@
 
 use niwaki_build_binned::Binned;
 use niwaki_core::Builder;
-use niwaki_hybrid::{Effect, Gpu, HybridRenderer, March, NearRegion, Settings, Stage};
+use niwaki_hybrid::{Effect, Gpu, HybridRenderer, March, Settings, Stage};
 use niwaki_render::{
     Image, Whitted, WhittedSettings,
     metrics::{FlipSettings, flip},
@@ -16,22 +16,19 @@ use niwaki_scene::{Scene, generate};
 use niwaki_trace::WideScene;
 use std::{error::Error, sync::Arc};
 
-/// What is compared, in a region of this share of the scene.
-fn candidates(share: f32) -> Vec<(String, Settings)> {
-    let marches = [
-        ("linear", March::LINEAR),
-        ("pixels", March::Pixels),
-        ("hierarchical", March::Hierarchical),
+/// What is compared.
+fn candidates() -> Vec<(String, Settings)> {
+    let each = [
+        ("linear", March::LINEAR, 1),
+        ("pixels", March::Pixels, 1),
+        ("hierarchical", March::Hierarchical, 1),
+        ("linear", March::LINEAR, 2),
+        ("hierarchical", March::Hierarchical, 2),
     ];
-    let mut all = Vec::new();
-    for layers in [1, 2] {
-        for (name, march) in marches {
-            let near_region = NearRegion::ShareOfScene(share);
-            let settings = Settings { march, layers, near_region, ..Settings::default() };
-            all.push((format!("{share} {name} {layers}"), settings));
-        }
-    }
-    all
+    each.map(|(name, march, layers)| {
+        (format!("{name} {layers}"), Settings { march, layers, ..Settings::default() })
+    })
+    .into()
 }
 
 fn reference(scene: &Scene, width: u32, height: u32) -> Result<Image, Box<dyn Error>> {
@@ -59,16 +56,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let gpu = Gpu::new()?;
     println!("{width} x {height} on {}", gpu.name());
-    println!(
-        "region, march, layers       FLIP    rays  pyramid  layer 2   pixels    cells  second"
-    );
+    println!("march, layers      FLIP    rays  pyramid  layer 2   pixels    cells  second");
     for name in scenes {
         let (kind, count) = name.split_once(':').ok_or("a scene is NAME:TRIANGLES")?;
         let scene = generate::generate(kind, count.parse()?, 1).ok_or("no such scene")?;
         let scene = Arc::new(scene);
         let wanted = reference(&scene, width, height)?;
         println!("{name}");
-        let list: Vec<_> = [0.05, 0.15].into_iter().flat_map(candidates).collect();
+        let list = candidates();
         let first = list.first().ok_or("nothing to compare")?.1.clone();
         let mut renderer = HybridRenderer::new(&gpu, Arc::clone(&scene), first)?;
         let mut times = vec![[vec![], vec![], vec![]]; list.len()];
@@ -93,7 +88,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let c = frame.report.counters;
                 let [rays, pyramid, second] = times[k].clone().map(median);
                 rows[k] = format!(
-                    "  {label:<22} {:.4} {rays:7.1} {pyramid:8.1} {second:8.1} {:8} {:8} {:7}",
+                    "  {label:<14} {:.4} {rays:7.1} {pyramid:8.1} {second:8.1} {:8} {:8} {:7}",
                     map.mean(),
                     c.march_samples,
                     c.pyramid_cells,

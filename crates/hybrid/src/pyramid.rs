@@ -238,6 +238,8 @@ mod tests {
                 march: March::Hierarchical,
                 layers,
                 face_resolution: side,
+                max_depth: 1,
+                shadows: crate::Shadows::None,
                 shadow_resolution: 16,
                 ..Settings::default()
             };
