@@ -146,3 +146,154 @@ impl Reducing {
         to_u32(self.steps.len())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{HybridRenderer, March, NearRegion, Settings};
+    use std::sync::Arc;
+
+    type Range = [f32; 2];
+    const NOTHING: Range = [3.0e38, -3.0e38];
+
+    /// Twin of `hybrid/pyramid.wgsl`: the levels above ranges of pixels, rows of `side`.
+    fn reduce(pixels: &[Range], side: usize) -> Vec<Vec<Range>> {
+        let mut levels: Vec<Vec<Range>> = Vec::new();
+        let mut width = (side.next_power_of_two() / 2).max(1);
+        loop {
+            let below = levels.last().map_or(pixels, Vec::as_slice);
+            let below_width = if levels.is_empty() { side } else { 2 * width };
+            let level = (0..width * width).map(|i| {
+                let (x, y) = (2 * (i % width), 2 * (i / width));
+                let mut range = NOTHING;
+                for (x, y) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
+                    if x < below_width && y < below_width {
+                        let [low, high] = below[y * below_width + x];
+                        range = [range[0].min(low), range[1].max(high)];
+                    }
+                }
+                range
+            });
+            let level = level.collect();
+            levels.push(level);
+            if width == 1 {
+                return levels;
+            }
+            width /= 2;
+        }
+    }
+
+    /// Reads a layer of a level of a texture.
+    fn read<T: Pod>(
+        gpu: &Gpu,
+        view: &wgpu::TextureView,
+        aspect: wgpu::TextureAspect,
+        level: u32,
+        layer: u32,
+    ) -> Vec<T> {
+        let texture = view.texture();
+        let side = texture.width() >> level;
+        let row = (to_u32(size_of::<T>()) * side).next_multiple_of(256);
+        let usage = BufferUsages::COPY_SRC;
+        let buffer = gpu.buffer("copy", u64::from(row) * u64::from(side), usage).unwrap();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: level,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                aspect,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: Some(side),
+                },
+            },
+            wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+        );
+        gpu.queue.submit([encoder.finish()]);
+        let per_row = row as usize / size_of::<T>();
+        let all: Vec<T> = gpu.read(&buffer, per_row * side as usize).unwrap();
+        all.chunks(per_row).flat_map(|r| r[..side as usize].to_vec()).collect()
+    }
+
+    #[test]
+    fn levels_hold_the_least_and_the_greatest_of_their_pixels() {
+        let gpu = match Gpu::new() {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                let required = std::env::var_os("NIWAKI_REQUIRE_VULKAN").is_some_and(|x| x != "0");
+                assert!(!required, "NIWAKI_REQUIRE_VULKAN is set: {error}");
+                println!("skipped: {error}");
+                return;
+            }
+        };
+        let scene = Arc::new(niwaki_scene::generate::generate("gallery", 3000, 1).unwrap());
+        for (side, layers) in [(64, 1), (100, 2), (1, 1)] {
+            let settings = Settings {
+                near_region: NearRegion::ShareOfScene(0.05),
+                march: March::Hierarchical,
+                layers,
+                face_resolution: side,
+                max_depth: 1,
+                shadows: crate::Shadows::None,
+                shadow_resolution: 16,
+                ..Settings::default()
+            };
+            let mut renderer =
+                HybridRenderer::new(&gpu, Arc::clone(&scene), settings.clone()).unwrap();
+            let camera = scene.cameras[0];
+            let (plan, _) = renderer.draw(&camera, 64, 36, 0.0).unwrap();
+            assert!(plan.runs(crate::Effect::DepthPyramid), "{plan}");
+            let (n, f) = (plan.region.half_size, plan.region.far);
+            let diagonal = scene.mesh.bounds().extent().length();
+            let mut seen = 0;
+            for layer in 0..6 * layers {
+                let face = crate::Face::ALL[layer as usize % 6];
+                if !plan.uses(crate::Effect::CubeFace(face)) {
+                    continue;
+                }
+                let (cube, pyramid) = (&renderer.cube, &renderer.pyramid);
+                let all = wgpu::TextureAspect::All;
+                let only = wgpu::TextureAspect::DepthOnly;
+                let depth: Vec<f32> = read(&gpu, &cube.depth.all, only, 0, layer);
+                let surface: Vec<[u32; 4]> = read(&gpu, &cube.surface.all, all, 0, layer);
+                let pixels: Vec<Range> = depth
+                    .iter()
+                    .zip(&surface)
+                    .map(|(z, surface)| {
+                        if *z >= 1.0 {
+                            return NOTHING;
+                        }
+                        let w = n * f / (f - z * (f - n));
+                        let m = &scene.materials[(surface[2] >> 16) as usize];
+                        let thin = m.transmission > 0.0;
+                        let thickness = if thin { 0.0 } else { m.thickness * diagonal };
+                        let endless = !thin && m.thickness >= 1.0;
+                        [w, w + if endless { 1e30 } else { thickness }]
+                    })
+                    .collect();
+                seen += pixels.iter().filter(|p| **p != NOTHING).count();
+                for (k, level) in (0..).zip(reduce(&pixels, side as usize)) {
+                    let found: Vec<Range> = read(&gpu, &pyramid.all, all, k, layer);
+                    assert_eq!(found.len(), level.len());
+                    for (i, (a, b)) in found.iter().zip(&level).enumerate() {
+                        // Divisions on the device err by some units in the last place, and the
+                        // difference under them by more where the far plane is far.
+                        let near = |a: f32, b: f32| (a - b).abs() <= 1e-4 * b.abs();
+                        assert!(
+                            near(a[0], b[0]) && near(a[1], b[1]),
+                            "layer {layer}, level {}, cell {i}: {a:?}, not {b:?}",
+                            k + 1
+                        );
+                    }
+                }
+                assert_eq!(pyramid.top_level(), (side.next_power_of_two() / 2).max(1).ilog2() + 1);
+            }
+            assert!(seen > 0, "the faces show nothing");
+        }
+    }
+}

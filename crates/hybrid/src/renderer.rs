@@ -45,8 +45,8 @@ pub struct HybridRenderer {
     uploaded: GpuScene,
     pipelines: Arc<Pipelines>,
     screen: Option<Screen>,
-    cube: CubeMap,
-    pyramid: Pyramid,
+    pub(crate) cube: CubeMap,
+    pub(crate) pyramid: Pyramid,
     shadows: Layers,
     tree: NearTree,
     /// Lights that shine.

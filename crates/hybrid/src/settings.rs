@@ -166,14 +166,14 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Half a region of 0.15 of the scene, faces of 1024², 16 to 192 samples, depth 4, traced
-    /// shadows with maps of 2048² beyond.
+    /// Half a region of 0.15 of the scene, faces of 1024² that are marched through by their
+    /// pyramid, one layer, depth 4, traced shadows with maps of 2048² beyond.
     fn default() -> Self {
         Self {
             near_region: NearRegion::ShareOfScene(0.15),
             overlap: 0.01,
             face_resolution: 1024,
-            march: March::LINEAR,
+            march: March::Hierarchical,
             layers: 1,
             behind: Behind::GoOn,
             thickness: 1.0,
@@ -191,13 +191,12 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// A small region, small maps, few samples, shadow maps only.
+    /// A small region, small maps, shadow maps only.
     #[must_use]
     pub fn fast() -> Self {
         Self {
             near_region: NearRegion::ShareOfScene(0.05),
             face_resolution: 512,
-            march: March::Linear { n_min: 8, n_max: 64, rule: SampleRule::Grazing },
             max_depth: 2,
             shadows: Shadows::Maps,
             shadow_resolution: 1024,
@@ -205,13 +204,12 @@ impl Settings {
         }
     }
 
-    /// A large region, large maps and many samples.
+    /// A large region and large maps.
     #[must_use]
     pub fn fine() -> Self {
         Self {
             near_region: NearRegion::ShareOfScene(0.3),
             face_resolution: 2048,
-            march: March::Linear { n_min: 32, n_max: 512, rule: SampleRule::Grazing },
             max_depth: 8,
             shadow_resolution: 4096,
             ..Self::default()
@@ -225,7 +223,8 @@ impl Settings {
         Self { near_region: NearRegion::WholeScene, ..Self::fine() }
     }
 
-    /// As the paper describes it: marched rays that pass behind go to the sky, shadows by maps.
+    /// As the paper describes it: rays march in steps, those that pass behind go to the sky, shadows
+    /// come from maps.
     #[must_use]
     pub fn paper() -> Self {
         Self {
