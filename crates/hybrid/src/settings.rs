@@ -121,7 +121,7 @@ pub enum DebugView {
     MarchSteps,
 }
 
-/// What to simulate and how finely. Everything here trades time for accuracy; `docs/hybrid.md` has
+/// What to simulate and how finely. Everything here trades time for accuracy; `docs/accuracy.md` has
 /// the measured curves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
