@@ -81,6 +81,9 @@ cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode whitte
 # Needs the Vulkan device that was installed above.
 if [ "$setup" = 1 ]; then
   cargo xtask render --scene one_mirror:2000 --frames 2 --size 64x36 --mode hybrid --explain --out out/ci-render
+  step "accuracy of the hybrid renderer, small"
+  cargo xtask accuracy --suite hybrid --quick --out out/ci-accuracy-hybrid
+  test -s out/ci-accuracy-hybrid/pictures/gallery-frame.png
 fi
 
 # Needs a Vulkan device too.

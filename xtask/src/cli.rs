@@ -3,7 +3,7 @@
 use crate::bench::Shard;
 use crate::gpu::GpuArgs;
 use crate::kernel::Collapse;
-use crate::render::RenderArgs;
+use crate::render::{RenderArgs, Size};
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
 use crate::trace::TraceArgs;
@@ -209,7 +209,15 @@ Examples:
       ray a call on one thread. Leaks of a million rays at corners and edges of closed surfaces,
       errors of distances against exact arithmetic, and the time of each kind of ray.
 
-Output (in --out): accuracy.json, accuracy.html and csv/*.csv. In the suite of builders a point is a tree: build time up to
+  cargo xtask accuracy --suite hybrid
+      The hybrid renderer: error of the picture against time of the frame on the GPU, as the size of
+      the traced region, the map, the march, the depth and more change one by one, for the presets,
+      and on a grid; five procedural scenes. On a software driver about an hour.
+  cargo xtask accuracy --suite hybrid --scene model.glb --families region,map --size 1280x720
+      Your own scene, two of the knobs.
+
+Output (in --out): accuracy.json, accuracy.html and csv/*.csv; of the hybrid renderer also
+pictures/*.png, the worst artifact of each scene with the setting that removes it. In the suite of builders a point is a tree: build time up to
 the traversable 8-wide tree against time per ray of an equal mix of the ray sets, SAH, end-point
 overlap (EPO) and leaf count variability (LCV). Points that no other beats in both times are on the
 Pareto front. Correlations are of logarithms, between a metric and the time per ray, over all trees
@@ -222,6 +230,9 @@ pub(crate) enum Suite {
     Builders,
     /// Our kernels and the peers': time against leaks and against errors of distances.
     Kernels,
+    /// Settings of the hybrid renderer: time of frames against error of pictures. Needs a Vulkan
+    /// device.
+    Hybrid,
 }
 
 /// Arguments of `cargo xtask accuracy`.
@@ -233,7 +244,8 @@ pub(crate) struct AccuracyArgs {
     pub(crate) suite: Suite,
 
     /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
-    /// may be repeated [default: dragon, atrium and foliage]
+    /// may be repeated [default: dragon, atrium and foliage; for hybrid chess, gallery, atrium,
+    /// courtyard and one_mirror]
     #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
     pub(crate) scenes: Vec<String>,
 
@@ -241,15 +253,25 @@ pub(crate) struct AccuracyArgs {
     #[arg(long = "scenes", value_name = "DIR")]
     pub(crate) folders: Vec<PathBuf>,
 
-    /// Families of builders, comma-separated [default: all]; not for the suite of kernels
+    /// Families of builders, or knobs of the hybrid renderer, comma-separated (a name that is none
+    /// lists them) [default: all]; not for the suite of kernels
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) families: Vec<String>,
+
+    /// Width and height of pictures, for hybrid [default: 320x180, with --quick 96x54]
+    #[arg(long, value_name = "WIDTHxHEIGHT")]
+    pub(crate) size: Option<Size>,
+
+    /// Frames that are compared, spread over the camera path, for hybrid [default: 3, with --quick 1]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub(crate) frames: Option<u32>,
 
     /// Number of threads [default: all that this process may use, for kernels 1]
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
 
-    /// Shorter measurements (0.1 s instead of 0.5 s), fewer rays, smaller procedural scenes
+    /// Shorter measurements (0.1 s instead of 0.5 s), fewer rays, smaller procedural scenes; of knobs
+    /// of the hybrid renderer only the ends, on one small scene
     #[arg(long)]
     pub(crate) quick: bool,
 

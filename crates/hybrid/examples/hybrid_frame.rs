@@ -2,15 +2,17 @@
 //!
 //! ```text
 //! cargo run --release -p niwaki-hybrid --example hybrid_frame -- \
-//!     [NAME:TRIANGLES | FILE] [WIDTHxHEIGHT] [default|fast|fine|exact|paper] [OUT.png] [VIEW]
+//!     [NAME:TRIANGLES | FILE] [WIDTHxHEIGHT] [PRESET] [OUT.png] [VIEW]
 //! ```
 //!
+//! PRESET is `default`, `fast`, `fine`, `exact` or `paper`; after a comma may follow `linear`,
+//! `pixels` or `hierarchical` for the march, and `two` for two layers (`default,hierarchical,two`).
 //! VIEW is `hits`, `normals` or `steps`; `whitted` renders the reference on the CPU instead, and
 //! `compare` says how far from it the frame is.
 
 use niwaki_build_binned::Binned;
 use niwaki_core::Builder;
-use niwaki_hybrid::{DebugView, Gpu, HybridRenderer, Settings};
+use niwaki_hybrid::{DebugView, Gpu, HybridRenderer, March, Settings};
 use niwaki_render::{
     Image, ToneCurve, Whitted, WhittedSettings,
     metrics::{FlipSettings, flip},
@@ -28,19 +30,30 @@ fn scene(name: &str) -> Result<Scene, Box<dyn Error>> {
     }
 }
 
+fn settings(words: &str) -> Result<Settings, Box<dyn Error>> {
+    words.split(',').try_fold(Settings::default(), |settings, word| {
+        Ok(match word {
+            "default" => Settings::default(),
+            "fast" => Settings::fast(),
+            "fine" => Settings::fine(),
+            "exact" => Settings::exact(),
+            "paper" => Settings::paper(),
+            "linear" => Settings { march: March::LINEAR, ..settings },
+            "pixels" => Settings { march: March::Pixels, ..settings },
+            "hierarchical" => Settings { march: March::Hierarchical, ..settings },
+            "two" => Settings { layers: 2, ..settings },
+            other => return Err(format!("no such preset or setting: {other}").into()),
+        })
+    })
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let arg = |i: usize, default: &'static str| args.get(i).map_or(default, String::as_str);
     let scene = Arc::new(scene(arg(0, "atrium:100000"))?);
     let (width, height) = arg(1, "320x180").split_once('x').ok_or("the size is WIDTHxHEIGHT")?;
     let (width, height) = (width.parse()?, height.parse()?);
-    let settings = match arg(2, "default") {
-        "fast" => Settings::fast(),
-        "fine" => Settings::fine(),
-        "exact" => Settings::exact(),
-        "paper" => Settings::paper(),
-        _ => Settings::default(),
-    };
+    let settings = settings(arg(2, "default"))?;
     let camera = scene.cameras[0];
     let reference = || -> Result<Image, Box<dyn Error>> {
         let whitted = WhittedSettings {

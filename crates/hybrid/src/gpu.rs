@@ -213,6 +213,18 @@ impl Gpu {
         format: wgpu::TextureFormat,
         usage: wgpu::TextureUsages,
     ) -> Result<wgpu::Texture, HybridError> {
+        self.mipped_texture(label, size, 1, format, usage)
+    }
+
+    /// A texture as [`Gpu::texture`] with this many mip levels.
+    pub(crate) fn mipped_texture(
+        &self,
+        label: &str,
+        size: [u32; 3],
+        levels: u32,
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> Result<wgpu::Texture, HybridError> {
         let [width, height, layers] = size.map(|n| n.max(1));
         self.fits(label, width.max(height))?;
         if layers > self.limits.max_texture_array_layers {
@@ -226,7 +238,7 @@ impl Gpu {
         let texture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(label),
             size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
-            mip_level_count: 1,
+            mip_level_count: levels,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format,
@@ -415,6 +427,8 @@ pub(crate) enum Slot {
     Write,
     /// A texture that is read by pixel, in fragment and compute shaders.
     Texture(wgpu::TextureSampleType, wgpu::TextureViewDimension),
+    /// A texture array that compute shaders write.
+    Storage(wgpu::TextureFormat),
 }
 
 impl Slot {
@@ -422,6 +436,8 @@ impl Slot {
         Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2);
     pub(crate) const UINT_ARRAY: Self =
         Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array);
+    pub(crate) const DEPTH: Self =
+        Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2);
     pub(crate) const DEPTH_ARRAY: Self =
         Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array);
     pub(crate) const COLOR_ARRAY: Self = Self::Texture(
@@ -448,6 +464,14 @@ impl Slot {
             Self::Texture(sample_type, view_dimension) => (
                 ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
                 BindingType::Texture { sample_type, view_dimension, multisampled: false },
+            ),
+            Self::Storage(format) => (
+                ShaderStages::COMPUTE,
+                BindingType::StorageTexture {
+                    access: wgpu::StorageTextureAccess::WriteOnly,
+                    format,
+                    view_dimension: wgpu::TextureViewDimension::D2Array,
+                },
             ),
         };
         wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }

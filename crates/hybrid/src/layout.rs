@@ -1,7 +1,7 @@
 //! What buffers hold: the Rust twins of the structures in `hybrid/scene.wgsl` and
 //! `hybrid/shadows.wgsl`.
 
-use crate::{Face, Region, Settings, Side};
+use crate::{Face, March, Region, Settings, Side};
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 use niwaki_render::shading::{Ambient, mean_fresnel};
@@ -134,12 +134,13 @@ pub(crate) struct GpuLight {
     cos_inner: f32,
     cos_outer: f32,
     pixel: f32,
-    pad: [f32; 2],
+    maps: u32,
+    pad: u32,
 }
 
 impl GpuLight {
-    /// `pixel`: see `hybrid/shadows.wgsl`.
-    pub(crate) fn new(light: &Light, layer: u32, pixel: f32) -> Self {
+    /// `pixel` and `maps`: see `hybrid/shadows.wgsl`.
+    pub(crate) fn new(light: &Light, layer: u32, maps: u32, pixel: f32) -> Self {
         let (kind, inner, outer) = match light.kind {
             LightKind::Point => (0, 0.0, 0.0),
             LightKind::Directional => (1, 0.0, 0.0),
@@ -154,7 +155,8 @@ impl GpuLight {
             cos_inner: inner.cos(),
             cos_outer: outer.cos(),
             pixel,
-            pad: [0.0; 2],
+            maps,
+            pad: 0,
         }
     }
 }
@@ -197,6 +199,8 @@ pub(crate) struct FrameUniform {
     mirror_roughness: f32,
     ambient_down: Vec3,
     max_rays: u32,
+    top_level: u32,
+    pad: [u32; 3],
     faces: [Mat4; 6],
     hops: [Mat4; 24],
 }
@@ -213,6 +217,8 @@ pub(crate) struct FrameInput<'a> {
     /// Bit i: face i holds something.
     pub(crate) face_mask: u32,
     pub(crate) light_count: u32,
+    /// The highest level of the depth pyramid; 0 if marches read none.
+    pub(crate) top_level: u32,
 }
 
 impl FrameUniform {
@@ -227,6 +233,10 @@ impl FrameUniform {
             Environment::Sky { zenith, horizon, ground } => [zenith, horizon, ground],
         };
         let ambient = Ambient::of(&sky, settings.ambient);
+        let (n_min, n_max) = match settings.march {
+            March::Linear { n_min, n_max, .. } => (n_min, n_max),
+            March::Pixels | March::Hierarchical => (1, 1),
+        };
         let local = Region { center: Vec3::ZERO, ..*region };
         let mut hops = [Mat4::IDENTITY; 24];
         for face in Face::ALL {
@@ -247,8 +257,8 @@ impl FrameUniform {
             half_size: region.half_size,
             traced: region.traced,
             far: region.far,
-            n_min: settings.march.n_min as f32,
-            n_max: settings.march.n_max as f32,
+            n_min: n_min as f32,
+            n_max: n_max as f32,
             zenith,
             face_resolution: settings.face_resolution as f32,
             horizon,
@@ -259,6 +269,8 @@ impl FrameUniform {
             mirror_roughness: settings.mirror_roughness,
             ambient_down: ambient.down,
             max_rays: settings.max_rays,
+            top_level: input.top_level,
+            pad: [0; 3],
             faces: Face::ALL.map(|face| local.view_projection(face)),
             hops,
         }
@@ -281,6 +293,6 @@ const _: () = assert!(
         && size_of::<TextureInfo>() == 32
         && size_of::<GpuLight>() == 64
         && size_of::<ViewMatrix>() == 80
-        && size_of::<FrameUniform>() == 160 + 16 + 30 * 64
+        && size_of::<FrameUniform>() == 12 * 16 + 30 * 64
         && size_of::<MovedObject>() == 112
 );

@@ -42,6 +42,7 @@ mod gpu;
 mod layout;
 mod pipelines;
 pub mod plan;
+mod pyramid;
 pub mod region;
 mod renderer;
 mod report;

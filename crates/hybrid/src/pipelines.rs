@@ -1,7 +1,7 @@
 //! Shader modules and pipelines, made when a frame first needs them.
 
 use crate::{
-    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, SampleRule, Settings, gpu::Slot,
+    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, March, SampleRule, Settings, gpu::Slot,
 };
 use std::{
     collections::HashMap,
@@ -13,12 +13,16 @@ use std::{
 pub(crate) const SURFACE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 pub(crate) const TRIANGLE: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
 pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Of cells of the depth pyramid: least and greatest.
+pub(crate) const RANGE: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Float;
 
 /// What is rasterised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Target {
     Primary,
     Face,
+    /// A face's second layer.
+    Second,
     Shadow,
 }
 
@@ -36,6 +40,10 @@ pub(crate) struct Variant {
     pub(crate) use_map: bool,
     pub(crate) as_printed: bool,
     pub(crate) go_on: bool,
+    /// Marches go from pixel to pixel.
+    pub(crate) walk: bool,
+    /// Layers of the cube map that rays look at.
+    pub(crate) layers: u32,
     pub(crate) debug_view: u32,
 }
 
@@ -52,8 +60,11 @@ impl Variant {
             reflect: plan.uses(Effect::ReflectionRays),
             refract: plan.uses(Effect::RefractionRays),
             use_map: faces,
-            as_printed: settings.march.rule == SampleRule::AsPrinted,
+            as_printed: matches!(settings.march, March::Linear { rule: SampleRule::AsPrinted, .. }),
             go_on: settings.behind == Behind::GoOn,
+            walk: !matches!(settings.march, March::Linear { .. }),
+            // Forcing draws the second layer, but what rays look at is a matter of the settings.
+            layers: if plan.uses(Effect::SecondLayer) { settings.layers } else { 1 },
             debug_view: match settings.debug_view {
                 DebugView::None => 0,
                 DebugView::HitSource => 1,
@@ -84,8 +95,11 @@ pub(crate) struct Pipelines {
     /// By size of the stack of pending rays.
     trace: Made<u32, wgpu::ShaderModule>,
     deform: wgpu::ShaderModule,
+    pyramid: wgpu::ShaderModule,
     size: wgpu::ShaderModule,
     pub(crate) view_layout: wgpu::BindGroupLayout,
+    pub(crate) first_layer_layout: wgpu::BindGroupLayout,
+    pub(crate) pyramid_layout: wgpu::BindGroupLayout,
     pub(crate) kernel_layout: wgpu::BindGroupLayout,
     pub(crate) deform_layout: wgpu::BindGroupLayout,
     pub(crate) size_layout: wgpu::BindGroupLayout,
@@ -94,6 +108,7 @@ pub(crate) struct Pipelines {
     traces: Made<(Variant, u32), wgpu::ComputePipeline>,
     movers: Made<(), wgpu::ComputePipeline>,
     sizers: Made<(), wgpu::ComputePipeline>,
+    reducers: Made<&'static str, wgpu::ComputePipeline>,
 }
 
 /// What was made so far, by what it is made for.
@@ -146,8 +161,23 @@ impl Pipelines {
             primary: module(gpu, "hybrid/primary")?,
             trace: Made::new(),
             deform: module(gpu, "hybrid/deform")?,
+            pyramid: module(gpu, "hybrid/pyramid")?,
             size: module(gpu, "hybrid/size")?,
             view_layout: gpu.layout("view", &[Slot::DynamicUniform]),
+            first_layer_layout: gpu.layout("first layer", &[Slot::DEPTH, Slot::UINT]),
+            pyramid_layout: gpu.layout(
+                "pyramid",
+                &[
+                    Slot::Uniform,
+                    Slot::DEPTH_ARRAY,
+                    Slot::UINT_ARRAY,
+                    Slot::COLOR_ARRAY,
+                    Slot::Storage(RANGE),
+                    Slot::Storage(RANGE),
+                    Slot::Storage(RANGE),
+                    Slot::Storage(RANGE),
+                ],
+            ),
             kernel_layout: gpu.layout(
                 "kernel",
                 &[
@@ -163,6 +193,7 @@ impl Pipelines {
                     Slot::Write,
                     Slot::Write,
                     Slot::Write,
+                    Slot::COLOR_ARRAY,
                 ],
             ),
             deform_layout: gpu.layout("deform", &[Slot::Read, Slot::Read, Slot::Write]),
@@ -172,6 +203,7 @@ impl Pipelines {
             traces: Made::new(),
             movers: Made::new(),
             sizers: Made::new(),
+            reducers: Made::new(),
         })
     }
 
@@ -196,7 +228,12 @@ impl Pipelines {
         alpha: bool,
         textures: bool,
     ) -> Result<wgpu::RenderPipeline, HybridError> {
-        let layout = gpu.pipeline_layout(&[scene, &self.view_layout]);
+        let layout = match target {
+            Target::Second => {
+                gpu.pipeline_layout(&[scene, &self.view_layout, &self.first_layer_layout])
+            }
+            _ => gpu.pipeline_layout(&[scene, &self.view_layout]),
+        };
         let color = |format| {
             Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL })
         };
@@ -207,6 +244,9 @@ impl Pipelines {
                 wgpu::CompareFunction::Greater,
             ),
             Target::Face => (Some("face_main"), vec![color(SURFACE)], wgpu::CompareFunction::Less),
+            Target::Second => {
+                (Some("second_main"), vec![color(SURFACE)], wgpu::CompareFunction::Less)
+            }
             Target::Shadow => {
                 (alpha.then_some("shadow_main"), vec![], wgpu::CompareFunction::Greater)
             }
@@ -277,6 +317,8 @@ impl Pipelines {
             use_map: false,
             as_printed: false,
             go_on: false,
+            walk: false,
+            layers: 1,
             ..variant
         };
         let mut constants = variant.primary();
@@ -302,12 +344,25 @@ impl Pipelines {
             ("USE_MAP", flag(variant.use_map)),
             ("AS_PRINTED", flag(variant.as_printed)),
             ("GO_ON", flag(variant.go_on)),
+            ("WALK", flag(variant.walk)),
+            ("LAYERS", f64::from(variant.layers)),
         ]);
         let layouts = [scene, &self.kernel_layout];
         self.traces.get((variant, stack), || {
             let module = self.trace.get(stack, || trace_module(gpu, stack))?;
             gpu.compute(&module, "trace", &layouts, &constants)
         })
+    }
+
+    /// A kernel that makes levels of depth pyramids: `from_map` or `from_level`.
+    pub(crate) fn reducer(
+        &self,
+        gpu: &Gpu,
+        scene: &wgpu::BindGroupLayout,
+        entry: &'static str,
+    ) -> Result<wgpu::ComputePipeline, HybridError> {
+        let layouts = [scene, &self.pyramid_layout];
+        self.reducers.get(entry, || gpu.compute(&self.pyramid, entry, &layouts, &[]))
     }
 
     /// The kernel that moves vertices.

@@ -47,6 +47,10 @@ pub enum Effect {
     ShadowMaps,
     /// Rasterising one face of the cube map (section 3.2).
     CubeFace(Face),
+    /// Rasterising what comes next behind the cube map's surfaces, a draw of each face more.
+    SecondLayer,
+    /// Reducing the cube map's depth to a pyramid of least and greatest depths.
+    DepthPyramid,
     /// Culling triangles into the near region and building its tree (section 3.3).
     NearRegion,
     /// Tracing rays to lights within the near region.
@@ -63,7 +67,7 @@ pub enum Effect {
 
 impl Effect {
     /// All effects in the order in which a frame runs them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::Deformation,
         Self::PrimaryView,
         Self::Alpha,
@@ -74,6 +78,8 @@ impl Effect {
         Self::CubeFace(Face::NegY),
         Self::CubeFace(Face::PosZ),
         Self::CubeFace(Face::NegZ),
+        Self::SecondLayer,
+        Self::DepthPyramid,
         Self::NearRegion,
         Self::ShadowRays,
         Self::ReflectionRays,
@@ -100,7 +106,15 @@ pub enum Quality {
         /// Objects drawn.
         objects: u32,
     },
-    /// Shadow maps: one for a directional light, six for any other.
+    /// Faces of the cube map.
+    Faces {
+        /// How many.
+        faces: u32,
+        /// Width and height in pixels.
+        resolution: u32,
+    },
+    /// Shadow maps: one for a directional light and for a spot light whose cone fits into one view,
+    /// six for any other.
     Maps {
         /// How many.
         layers: u32,
@@ -210,6 +224,11 @@ impl EffectPlan {
     }
 }
 
+/// A number of things: "1 lamp", "2 lamps".
+fn counted(n: u32, thing: &str) -> String {
+    if n == 1 { format!("1 {thing}") } else { format!("{n} {thing}s") }
+}
+
 impl fmt::Display for Effect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -218,6 +237,8 @@ impl fmt::Display for Effect {
             Self::Alpha => f.pad("alpha"),
             Self::ShadowMaps => f.pad("shadow maps"),
             Self::CubeFace(face) => f.pad(&format!("cube face {face}")),
+            Self::SecondLayer => f.pad("second layer"),
+            Self::DepthPyramid => f.pad("depth pyramid"),
             Self::NearRegion => f.pad("near region"),
             Self::ShadowRays => f.pad("shadow rays"),
             Self::ReflectionRays => f.pad("reflection rays"),
@@ -230,12 +251,13 @@ impl fmt::Display for Effect {
 
 impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
+        match *self {
             Self::Full => Ok(()),
-            Self::Objects(n) => write!(f, "{n} objects"),
+            Self::Objects(n) => f.write_str(&counted(n, "object")),
             Self::View { width, height, objects } => {
-                write!(f, "{width}x{height}, {objects} objects")
+                write!(f, "{width}x{height}, {}", counted(objects, "object"))
             }
+            Self::Faces { faces, resolution } => write!(f, "{faces} of {resolution}x{resolution}"),
             Self::Maps { layers, resolution } => write!(f, "{layers} of {resolution}x{resolution}"),
             Self::Depth(n) => write!(f, "depth {n}"),
         }

@@ -1,12 +1,14 @@
 //! The renderer: what it keeps from frame to frame, and the making of a frame.
 
+mod cube;
 mod record;
 
 use crate::{
-    Effect, EffectPlan, Face, Frame, FrameFacts, FrameReport, Gpu, HybridError, Kept, ObjectFacts,
-    Settings,
+    Effect, EffectPlan, Face, Frame, FrameFacts, FrameReport, Gpu, HybridError, Kept, March,
+    ObjectFacts, Settings,
     layout::{FrameInput, FrameUniform, GpuLight},
     pipelines::{Pipelines, Variant},
+    pyramid::Pyramid,
     report::Counters,
     targets::{CubeMap, Layers, Screen, shadow_maps},
     tree::NearTree,
@@ -43,7 +45,8 @@ pub struct HybridRenderer {
     uploaded: GpuScene,
     pipelines: Arc<Pipelines>,
     screen: Option<Screen>,
-    cube: CubeMap,
+    pub(crate) cube: CubeMap,
+    pub(crate) pyramid: Pyramid,
     shadows: Layers,
     tree: NearTree,
     /// Lights that shine.
@@ -88,7 +91,8 @@ impl HybridRenderer {
             uploaded: GpuScene::new(gpu, &scene, &settings)?,
             pipelines: gpu.pipelines()?,
             screen: None,
-            cube: CubeMap::new(gpu, 1)?,
+            cube: CubeMap::new(gpu, 1, 1)?,
+            pyramid: Pyramid::new(gpu, 1, 1)?,
             shadows: shadow_maps(gpu, 1, 1)?,
             tree: NearTree::empty(gpu)?,
             lights: scene.lights.iter().filter(lit).copied().collect(),
@@ -220,8 +224,16 @@ impl HybridRenderer {
             self.screen = Some(Screen::new(&self.gpu, scenery.size)?);
         }
         let side = self.settings.face_resolution.max(1);
-        if scenery.variant.use_map && self.cube.depth.side != side {
-            self.cube = CubeMap::new(&self.gpu, side)?;
+        if scenery.variant.use_map {
+            let layers = if plan.uses(Effect::SecondLayer) { 2 } else { 1 };
+            if (self.cube.depth.side, self.cube.layers) != (side, layers) {
+                self.cube = CubeMap::new(&self.gpu, side, layers)?;
+            }
+            if plan.uses(Effect::DepthPyramid)
+                && (self.pyramid.side, self.pyramid.layers) != (side, layers)
+            {
+                self.pyramid = Pyramid::new(&self.gpu, side, layers)?;
+            }
         }
         let layers = scenery.lights.iter().map(|l| niwaki_core::to_u32(l.views.len())).sum::<u32>();
         let side = self.settings.shadow_resolution.max(1);
@@ -247,6 +259,10 @@ impl HybridRenderer {
             sky: plan.uses(Effect::Sky),
             face_mask,
             light_count: niwaki_core::to_u32(self.lights.len()),
+            top_level: match self.settings.march {
+                March::Hierarchical if plan.uses(Effect::DepthPyramid) => self.pyramid.top_level(),
+                _ => 0,
+            },
         })
     }
 
@@ -255,7 +271,10 @@ impl HybridRenderer {
         self.lights
             .iter()
             .zip(&scenery.lights)
-            .map(|(light, views)| GpuLight::new(light, views.layer, views.width / side))
+            .map(|(light, views)| {
+                let maps = niwaki_core::to_u32(views.views.len());
+                GpuLight::new(light, views.layer, maps, views.width / side)
+            })
             .collect()
     }
 

@@ -24,7 +24,7 @@ pub struct Counters {
     pub tree_traversals: u64,
     /// How often a ray was marched through a face.
     pub face_marches: u64,
-    /// Samples of those marches.
+    /// Pixels of the cube map that those marches looked at.
     pub march_samples: u64,
     /// How often a ray went from a face to its neighbour.
     pub face_hops: u64,
@@ -40,11 +40,15 @@ pub struct Counters {
     pub behind_misses: u64,
     /// Rays that were left out at [`Settings::max_rays`](crate::Settings::max_rays).
     pub cut_rays: u64,
+    /// Cells of the depth pyramid that marches looked at.
+    pub pyramid_cells: u64,
+    /// Rays that met a surface of the cube map's second layer; they count in `map_hits` too.
+    pub second_layer_hits: u64,
 }
 
 impl Counters {
     /// Number of counters; each takes two words on the GPU.
-    pub(crate) const COUNT: usize = 16;
+    pub(crate) const COUNT: usize = 18;
 
     pub(crate) fn from_words(words: &[u32]) -> Self {
         let n = |i: usize| {
@@ -68,6 +72,8 @@ impl Counters {
             sky_misses: n(13),
             behind_misses: n(14),
             cut_rays: n(15),
+            pyramid_cells: n(16),
+            second_layer_hits: n(17),
         }
     }
 }

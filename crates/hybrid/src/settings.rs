@@ -19,7 +19,7 @@ pub enum NearRegion {
     WholeScene,
 }
 
-/// How many samples a march through a face takes.
+/// How many samples a linear march through a face takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum SampleRule {
@@ -34,14 +34,51 @@ pub enum SampleRule {
 
 /// How rays are followed through the depth of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct March {
-    /// Fewest samples in a face.
-    pub n_min: u32,
-    /// Most samples in a face.
-    pub n_max: u32,
-    /// What lies between depends on the direction by this rule.
-    pub rule: SampleRule,
+#[non_exhaustive]
+pub enum March {
+    /// Samples at equal distances on the ray's line in the face (section 3.4). What lies between
+    /// two samples is missed if the ray is in front of it at both.
+    Linear {
+        /// Fewest samples in a face, 1 to 4096.
+        n_min: u32,
+        /// Most samples in a face, `n_min` to 4096.
+        n_max: u32,
+        /// What lies between depends on the direction by this rule.
+        rule: SampleRule,
+    },
+    /// Every pixel that the ray crosses is looked at, in order: nothing is missed. For comparison;
+    /// [`March::Hierarchical`] finds the same sooner.
+    Pixels,
+    /// Every pixel that the ray crosses counts, but cells of a pyramid over the face, which hold
+    /// the least and the greatest depth of their pixels, are passed at once where the ray meets
+    /// nothing between the two. The pyramid is made with the face.
+    Hierarchical,
 }
+
+impl March {
+    /// 16 to 192 samples, most for rays that cross many pixels.
+    pub const LINEAR: Self = Self::Linear { n_min: 16, n_max: 192, rule: SampleRule::Grazing };
+
+    /// Whether it reads the pyramid of least and greatest depths.
+    #[must_use]
+    pub const fn needs_pyramid(&self) -> bool {
+        matches!(self, Self::Hierarchical)
+    }
+
+    /// With samples in their range.
+    fn sanitized(self) -> Self {
+        match self {
+            Self::Linear { n_min, n_max, rule } => {
+                let n_min = n_min.clamp(1, MOST_SAMPLES);
+                Self::Linear { n_min, n_max: n_max.clamp(n_min, MOST_SAMPLES), rule }
+            }
+            other => other,
+        }
+    }
+}
+
+/// Most samples that a linear march takes in a face.
+const MOST_SAMPLES: u32 = 4096;
 
 /// What becomes of a ray that passes behind a surface of the cube map, where the map knows
 /// nothing.
@@ -84,7 +121,7 @@ pub enum DebugView {
     MarchSteps,
 }
 
-/// What to simulate and how finely. Everything here trades time for accuracy; `docs/hybrid.md` has
+/// What to simulate and how finely. Everything here trades time for accuracy; `docs/accuracy.md` has
 /// the measured curves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
@@ -95,8 +132,12 @@ pub struct Settings {
     pub overlap: f32,
     /// Width and height of a face of the cube map in pixels, 1 to 16384.
     pub face_resolution: u32,
-    /// The march through a face.
+    /// How rays are followed through a face.
     pub march: March,
+    /// Layers of the cube map, 1 (the default) or 2. The second holds what comes next behind the
+    /// first and its thickness, so that rays that pass behind a surface may meet what it hides
+    /// (Mara et al. 2014, "Fast global illumination approximations on deep G-buffers").
+    pub layers: u32,
     /// What becomes of rays that pass behind the map's surfaces.
     pub behind: Behind,
     /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
@@ -125,14 +166,15 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Half a region of 0.15 of the scene, faces of 1024², 16 to 192 samples, depth 4, traced
-    /// shadows with maps of 2048² beyond.
+    /// Half a region of 0.15 of the scene, faces of 1024² that are marched through by their
+    /// pyramid, one layer, depth 4, traced shadows with maps of 2048² beyond.
     fn default() -> Self {
         Self {
             near_region: NearRegion::ShareOfScene(0.15),
             overlap: 0.01,
             face_resolution: 1024,
-            march: March { n_min: 16, n_max: 192, rule: SampleRule::Grazing },
+            march: March::Hierarchical,
+            layers: 1,
             behind: Behind::GoOn,
             thickness: 1.0,
             max_depth: 4,
@@ -149,13 +191,12 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// A small region, small maps, few samples, shadow maps only.
+    /// A small region, small maps, shadow maps only.
     #[must_use]
     pub fn fast() -> Self {
         Self {
             near_region: NearRegion::ShareOfScene(0.05),
             face_resolution: 512,
-            march: March { n_min: 8, n_max: 64, rule: SampleRule::Grazing },
             max_depth: 2,
             shadows: Shadows::Maps,
             shadow_resolution: 1024,
@@ -163,13 +204,12 @@ impl Settings {
         }
     }
 
-    /// A large region, large maps and many samples.
+    /// A large region and large maps.
     #[must_use]
     pub fn fine() -> Self {
         Self {
             near_region: NearRegion::ShareOfScene(0.3),
             face_resolution: 2048,
-            march: March { n_min: 32, n_max: 512, rule: SampleRule::Grazing },
             max_depth: 8,
             shadow_resolution: 4096,
             ..Self::default()
@@ -183,10 +223,16 @@ impl Settings {
         Self { near_region: NearRegion::WholeScene, ..Self::fine() }
     }
 
-    /// As the paper describes it: marched rays that pass behind go to the sky, shadows by maps.
+    /// As the paper describes it: rays march in steps, those that pass behind go to the sky, shadows
+    /// come from maps.
     #[must_use]
     pub fn paper() -> Self {
-        Self { behind: Behind::Sky, shadows: Shadows::Maps, ..Self::default() }
+        Self {
+            march: March::LINEAR,
+            behind: Behind::Sky,
+            shadows: Shadows::Maps,
+            ..Self::default()
+        }
     }
 
     /// The settings with every value brought into its range; what is not a number becomes the
@@ -205,11 +251,11 @@ impl Settings {
             }
             _ => NearRegion::WholeScene,
         };
-        let n_min = self.march.n_min.clamp(1, 4096);
         Self {
             near_region,
             overlap: within(self.overlap, 0.0, 0.5, standard.overlap),
-            march: March { n_min, n_max: self.march.n_max.clamp(n_min, 4096), ..self.march },
+            march: self.march.sanitized(),
+            layers: self.layers.clamp(1, 2),
             thickness: within(self.thickness, 0.0, f32::MAX, standard.thickness),
             max_depth: self.max_depth.min(MAX_DEPTH),
             throughput_cutoff: within(self.throughput_cutoff, 0.0, 1.0, 0.0),

@@ -24,7 +24,11 @@ impl Layers {
         format: wgpu::TextureFormat,
     ) -> Result<Self, HybridError> {
         let size = [side, side, layers];
-        let texture = gpu.texture(label, size, format, TextureUsages::RENDER_ATTACHMENT)?;
+        let mut usage = TextureUsages::RENDER_ATTACHMENT;
+        if cfg!(test) {
+            usage |= TextureUsages::COPY_SRC;
+        }
+        let texture = gpu.texture(label, size, format, usage)?;
         let view = |base, count, dimension| {
             texture.create_view(&wgpu::TextureViewDescriptor {
                 dimension: Some(dimension),
@@ -41,18 +45,21 @@ impl Layers {
     }
 }
 
-/// The cube map of G-buffers.
+/// The cube map of G-buffers: face f of layer k is array layer 6 k + f.
 pub(crate) struct CubeMap {
     pub(crate) depth: Layers,
     pub(crate) surface: Layers,
+    /// Layers, 1 or 2.
+    pub(crate) layers: u32,
 }
 
 impl CubeMap {
     /// A map that nothing reads takes a pixel a face.
-    pub(crate) fn new(gpu: &Gpu, side: u32) -> Result<Self, HybridError> {
+    pub(crate) fn new(gpu: &Gpu, side: u32, layers: u32) -> Result<Self, HybridError> {
         Ok(Self {
-            depth: Layers::new(gpu, "depth of the cube map", side, 6, DEPTH)?,
-            surface: Layers::new(gpu, "surfaces of the cube map", side, 6, SURFACE)?,
+            depth: Layers::new(gpu, "depth of the cube map", side, 6 * layers, DEPTH)?,
+            surface: Layers::new(gpu, "surfaces of the cube map", side, 6 * layers, SURFACE)?,
+            layers,
         })
     }
 }

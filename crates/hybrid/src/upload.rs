@@ -115,8 +115,11 @@ impl GpuScene {
 
     /// Looks at the materials again under other settings.
     pub(crate) fn restate(&mut self, gpu: &Gpu, scene: &Scene, settings: &Settings) {
-        self.facts = SceneFacts::new(scene, settings.mirror_roughness);
-        self.objects = ObjectFacts::of(scene, &self.facts);
+        // Going through all triangles and textures takes longer than some frames.
+        if self.facts.mirror_roughness != settings.mirror_roughness {
+            self.facts = SceneFacts::new(scene, settings.mirror_roughness);
+            self.objects = ObjectFacts::of(scene, &self.facts);
+        }
         self.write_materials(gpu, scene, settings);
     }
 

@@ -3,7 +3,7 @@
 use crate::{Face, layout::ViewMatrix};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use niwaki_core::Aabb;
-use niwaki_scene::{Camera, Light, LightKind};
+use niwaki_scene::{Camera, Light, LightFacts, LightKind};
 
 /// Rows of a clip-space matrix.
 fn matrix(x: Vec4, y: Vec4, z: Vec4, w: Vec4) -> Mat4 {
@@ -72,6 +72,31 @@ pub(crate) struct LightViews {
     pub(crate) width: f32,
 }
 
+/// The view of a spot light on its cone, depth as [`camera_view`], and its width at distance 1.
+fn spot_view(eye: Vec3, direction: Vec3, outer: f32, near: f32) -> (ViewMatrix, f32) {
+    // Room for the pixels at the edge of the cone.
+    let tangent = 1.02 * outer.clamp(1e-3, LightFacts::NARROW_SPOT).tan();
+    let forward = direction.try_normalize().unwrap_or(Vec3::NEG_Y);
+    let right = forward.any_orthonormal_vector();
+    let up = right.cross(forward);
+    let matrix = matrix(
+        (right / tangent).extend(0.0),
+        (up / tangent).extend(0.0),
+        Vec4::new(0.0, 0.0, 0.0, near),
+        forward.extend(0.0),
+    );
+    (ViewMatrix { matrix, eye, pad: 0.0 }, 2.0 * tangent)
+}
+
+/// How many shadow maps a light takes.
+pub(crate) fn maps_of(kind: LightKind) -> u32 {
+    match kind {
+        LightKind::Directional => 1,
+        LightKind::Spot { outer, .. } if outer <= LightFacts::NARROW_SPOT => 1,
+        _ => 6,
+    }
+}
+
 /// The shadow maps of lights, in their order, for a scene within `bounds`.
 pub(crate) fn light_views(lights: &[Light], bounds: Aabb) -> Vec<LightViews> {
     let mut layer = 0;
@@ -83,11 +108,18 @@ pub(crate) fn light_views(lights: &[Light], bounds: Aabb) -> Vec<LightViews> {
                     let (view, width) = directional_view(light.direction, bounds);
                     (vec![view], width)
                 }
-                _ => {
+                kind => {
                     let p = light.position;
                     let far = (bounds.min - p).abs().max((bounds.max - p).abs()).max_element();
                     let near = if far.is_finite() { far * 1e-5 } else { 1e-5 };
-                    (cube_views(p, near.max(1e-30)).to_vec(), 2.0)
+                    let near = near.max(1e-30);
+                    match kind {
+                        LightKind::Spot { outer, .. } if maps_of(kind) == 1 => {
+                            let (view, width) = spot_view(p, light.direction, outer, near);
+                            (vec![view], width)
+                        }
+                        _ => (cube_views(p, near).to_vec(), 2.0),
+                    }
                 }
             };
             let first = layer;

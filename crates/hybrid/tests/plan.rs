@@ -2,8 +2,8 @@
 
 use niwaki_core::{TriangleMesh, glam::Vec3};
 use niwaki_hybrid::{
-    Decision, Effect, EffectPlan, Face, FrameFacts, Kept, NearRegion, ObjectFacts, Settings,
-    Shadows,
+    Decision, Effect, EffectPlan, Face, FrameFacts, Kept, March, NearRegion, ObjectFacts, Quality,
+    Settings, Shadows,
 };
 use niwaki_scene::{AlphaMode, Camera, Environment, Light, LightKind, Material, Scene, SceneFacts};
 use proptest::prelude::*;
@@ -195,6 +195,63 @@ fn what_holds_is_kept_and_what_changed_is_made_anew() {
 }
 
 #[test]
+fn pyramid_and_second_layer_follow_the_faces_and_the_settings() {
+    let parts = [
+        (AHEAD, Material::metal("mirror", Vec3::ONE, 0.0)),
+        (Vec3::new(0.0, 0.0, 5.0), Material::default()),
+    ];
+    let mut stage = stage(&parts);
+    let with = |march, layers| Settings { march, layers, ..near(1.0) };
+    let plain = stage.plan(&with(March::LINEAR, 1), None);
+    for effect in [Effect::SecondLayer, Effect::DepthPyramid] {
+        assert_eq!(plain.decision(effect), Decision::Skip, "{plain}");
+        assert!(plain.pass(effect).unwrap().reason.starts_with("the settings"), "{plain}");
+    }
+    let both = with(March::Hierarchical, 2);
+    let first = stage.plan(&both, None);
+    for effect in [Effect::SecondLayer, Effect::DepthPyramid] {
+        let quality = Quality::Faces { faces: 2, resolution: both.face_resolution };
+        assert_eq!(first.decision(effect), Decision::Run { quality }, "{first}");
+    }
+    let second = stage.plan(&both, Some(&first.kept));
+    for effect in [Effect::SecondLayer, Effect::DepthPyramid] {
+        assert_eq!(second.decision(effect), Decision::Keep, "{second}");
+    }
+    // The object behind the camera moves: one face, and what is made from it.
+    let from = stage.objects[1].bounds;
+    stage.objects[1].moved_from = Some(from);
+    let third = stage.plan(&both, Some(&second.kept));
+    let quality = Quality::Faces { faces: 1, resolution: both.face_resolution };
+    assert_eq!(third.decision(Effect::DepthPyramid), Decision::Run { quality }, "{third}");
+    // Nobody looks into a map that holds nothing.
+    let whole = Settings { near_region: NearRegion::WholeScene, ..both };
+    let whole = stage.plan(&whole, None);
+    assert_eq!(whole.decision(Effect::DepthPyramid), Decision::Skip, "{whole}");
+    assert_eq!(whole.decision(Effect::SecondLayer), Decision::Skip, "{whole}");
+}
+
+#[test]
+fn spot_lights_take_one_map_unless_they_are_wide() {
+    let spot = |outer| Light { kind: LightKind::Spot { inner: 0.1, outer }, ..lamp() };
+    let parts = [(AHEAD, Material::default()), (AHEAD * 2.0, Material::default())];
+    for (lights, layers) in [
+        (vec![spot(0.5)], 1),
+        (vec![spot(1.5)], 6),
+        (vec![spot(0.5), spot(1.5), lamp(), spot(1.0)], 14),
+    ] {
+        let plan = stage(&parts).relit(lights.clone(), Environment::DARK).plan(&near(2.5), None);
+        let Decision::Run { quality: Quality::Maps { layers: planned, .. } } =
+            plan.decision(Effect::ShadowMaps)
+        else {
+            panic!("{plan}");
+        };
+        assert_eq!(planned, layers, "{plan}");
+        let expected = if lights.len() == 1 { "1 lamp casts" } else { "4 lamps cast" };
+        assert!(plan.to_string().contains(expected), "{plan}");
+    }
+}
+
+#[test]
 fn forcing_runs_everything_and_says_so() {
     let stage = stage(&[(AHEAD, Material::default())]);
     let plan = stage.plan(&Settings { force_all: true, ..near(1.0) }, None);
@@ -213,6 +270,27 @@ fn plans_survive_storage_and_name_every_effect() {
     let printed = plan.to_string();
     for effect in Effect::ALL {
         assert!(printed.contains(&effect.to_string()), "{printed}");
+    }
+}
+
+#[test]
+fn settings_survive_storage_and_stay_in_range() {
+    for march in [March::LINEAR, March::Pixels, March::Hierarchical] {
+        let settings = Settings { march, layers: 2, ..Settings::default() };
+        let text = serde_json::to_string(&settings).unwrap();
+        assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
+        assert_eq!(settings.sanitized(), settings);
+    }
+    let March::Linear { rule, .. } = March::LINEAR else { panic!("LINEAR is not linear") };
+    let wild = |n_min, n_max, layers| {
+        let march = March::Linear { n_min, n_max, rule };
+        Settings { march, layers, ..Settings::default() }.sanitized()
+    };
+    for (n_min, n_max, layers) in [(0, 0, 0), (9, 3, 7), (u32::MAX, 0, u32::MAX)] {
+        let settings = wild(n_min, n_max, layers);
+        let March::Linear { n_min, n_max, .. } = settings.march else { panic!("{settings:?}") };
+        assert!(1 <= n_min && n_min <= n_max && n_max <= 4096, "{settings:?}");
+        assert!((1..=2).contains(&settings.layers), "{settings:?}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Images of linear colour: storage, files and error metrics.
 
-use crate::tone::ToneCurve;
+use crate::{metrics::Tile, tone::ToneCurve};
 use glam::Vec3;
 use niwaki_core::glam;
 use std::path::{Path, PathBuf};
@@ -102,6 +102,30 @@ impl Image {
         self.pixels[index] = color;
     }
 
+    /// The part of the image that a tile covers; what lies outside is left out.
+    #[must_use]
+    pub fn crop(&self, tile: Tile) -> Self {
+        let Tile { x, y, width, height } = tile.within(self.width, self.height);
+        let row = |y: u32| {
+            let start = y as usize * self.width as usize + x as usize;
+            &self.pixels[start..start + width as usize]
+        };
+        Self { width, height, pixels: (y..y + height).flat_map(row).copied().collect() }
+    }
+
+    /// The image with each pixel as a square of `factor` × `factor`, for looking at single pixels.
+    #[must_use]
+    pub fn enlarged(&self, factor: u32) -> Self {
+        let (width, height) = (self.width * factor, self.height * factor);
+        let mut image = Self::black(width, height);
+        for (i, pixel) in image.pixels.iter_mut().enumerate() {
+            let (x, y) = (i % width as usize, i / width as usize);
+            let factor = factor as usize;
+            *pixel = self.pixels[y / factor * self.width as usize + x / factor];
+        }
+        image
+    }
+
     /// The mean of all pixels in `f64`, zero for an empty image.
     #[must_use]
     pub fn mean(&self) -> glam::DVec3 {
@@ -185,5 +209,20 @@ mod tests {
         assert!((other.relative_mse(&reference) - 9.0 / 2.0).abs() < 1e-5);
         assert!(other.rmse(&Image::black(1, 2)).is_nan());
         assert!(Image::from_pixels(2, 2, vec![Vec3::ONE; 3]).is_none());
+    }
+
+    #[test]
+    fn parts_are_cut_out_and_enlarged() {
+        let pixels = (0..12).map(|i| Vec3::splat(i as f32)).collect();
+        let image = Image::from_pixels(4, 3, pixels).unwrap();
+        let part = image.crop(Tile { x: 2, y: 1, width: 9, height: 1 });
+        assert_eq!((part.width(), part.height()), (2, 1));
+        assert_eq!(part.pixels(), [Vec3::splat(6.0), Vec3::splat(7.0)]);
+        let large = part.enlarged(2);
+        assert_eq!((large.width(), large.height()), (4, 2));
+        let row: Vec<f32> = large.pixels().iter().map(|p| p.x).collect();
+        assert_eq!(row, [6.0, 6.0, 7.0, 7.0, 6.0, 6.0, 7.0, 7.0]);
+        assert_eq!(image.enlarged(0), Image::black(0, 0));
+        assert_eq!(image.crop(Tile { x: 4, y: 0, width: 1, height: 3 }).pixels().len(), 0);
     }
 }

@@ -11,13 +11,15 @@
 //! All take linear images. Those that compare what is displayed clamp them to 0 to 1 and count NaN
 //! as 0, as [`Image::save_png`] with the default tone curve does; bring high dynamic range into
 //! that range by [`ToneCurve::apply`](crate::ToneCurve::apply), with the exposure of the reference
-//! for both.
+//! for both. [`ErrorMap::worst_tile`] finds where an image is worst.
 
 mod flip;
 mod ssim;
+mod tile;
 
 pub use flip::{FlipSettings, flip, hdr_flip};
 pub use ssim::ssim;
+pub use tile::Tile;
 
 use crate::{heat_map::magma, image::Image, tone::linear_to_srgb};
 

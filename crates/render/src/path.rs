@@ -124,9 +124,25 @@ impl PathTracer {
         intersector: &I,
         progress: impl Fn(usize, usize) + Sync,
     ) -> (Image, RenderStats) {
+        let facts = SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS);
+        self.render_knowing(&facts, camera, scene, intersector, progress)
+    }
+
+    /// As [`PathTracer::render_from`], with facts that were found before (at any limit of
+    /// roughness): looking for them takes as long as going through all triangles and textures, and
+    /// they hold from frame to frame, also where objects move.
+    #[must_use]
+    pub fn render_knowing<I: Intersector + ?Sized>(
+        &self,
+        facts: &SceneFacts,
+        camera: &Camera,
+        scene: &Scene,
+        intersector: &I,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> (Image, RenderStats) {
         let PathSettings { width, height, samples, seed, .. } = self.settings;
         let view = View::new(camera, width, height);
-        let stage = Stage::new(scene, intersector, &self.settings);
+        let stage = Stage::new(scene, facts, intersector, &self.settings);
         render_tiles(width, height, progress, |x, y, stats| {
             let mut sum = DVec3::ZERO;
             for sample in 0..samples {
@@ -147,12 +163,13 @@ impl PathTracer {
     /// The effects that a rendering of this scene simulates, and why.
     #[must_use]
     pub fn plan(&self, scene: &Scene) -> EffectPlan {
-        plan(scene, &self.settings)
+        // What counts as a mirror makes no difference here.
+        plan(&SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS), &self.settings)
     }
 }
 
 /// The effects of path tracing a scene.
-fn plan(scene: &Scene, settings: &PathSettings) -> EffectPlan {
+fn plan(facts: &SceneFacts, settings: &PathSettings) -> EffectPlan {
     const EFFECTS: [Effect; 7] = [
         Effect::PunctualLight,
         Effect::AreaLight,
@@ -162,9 +179,7 @@ fn plan(scene: &Scene, settings: &PathSettings) -> EffectPlan {
         Effect::Alpha,
         Effect::Absorption,
     ];
-    // What counts as a mirror makes no difference here.
-    let facts = SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS);
-    let mut plan = EffectPlan::new(&facts, &EFFECTS, settings.planning);
+    let mut plan = EffectPlan::new(facts, &EFFECTS, settings.planning);
     if !settings.light_sampling || settings.max_depth == 0 {
         for effect in [Effect::PunctualLight, Effect::AreaLight, Effect::EnvironmentLight] {
             plan = plan.without(effect, "the settings sample no lights");
@@ -209,7 +224,12 @@ struct Last {
 }
 
 impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
-    pub(crate) fn new(scene: &'a Scene, intersector: &'a I, settings: &'a PathSettings) -> Self {
+    pub(crate) fn new(
+        scene: &'a Scene,
+        facts: &SceneFacts,
+        intersector: &'a I,
+        settings: &'a PathSettings,
+    ) -> Self {
         let mut iors: Vec<u32> = Vec::new();
         let mut coat_ids = Vec::with_capacity(scene.materials.len());
         for material in &scene.materials {
@@ -220,7 +240,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             });
             coat_ids.push(id);
         }
-        let plan = plan(scene, settings);
+        let plan = plan(facts, settings);
         let runs = Runs {
             punctual: plan.runs(Effect::PunctualLight),
             area: plan.runs(Effect::AreaLight),

@@ -12,7 +12,7 @@ use crate::{
 };
 use glam::Vec3;
 use niwaki_core::{Aabb, Intersector, Ray, glam, to_u32};
-use niwaki_scene::Scene;
+use niwaki_scene::{Scene, SceneFacts};
 use rayon::prelude::*;
 
 /// What is asked of a ray.
@@ -139,7 +139,8 @@ pub fn record_rays<I: Intersector + ?Sized>(
         seed: settings.seed,
         planning: Planning::Scene,
     };
-    let stage = Stage::new(scene, intersector, &tracing);
+    let facts = SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS);
+    let stage = Stage::new(scene, &facts, intersector, &tracing);
     let depth = settings.depth as usize;
     let mut all = Recorder { bounces: vec![Vec::new(); depth], ..Recorder::default() };
     let Some(camera) = scene.cameras.first() else { return all.into_sets(0) };

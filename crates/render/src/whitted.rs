@@ -19,6 +19,7 @@ use crate::{
 use glam::{DVec3, Vec2, Vec3};
 use niwaki_core::{Intersector, Ray, glam};
 use niwaki_scene::{Camera, Scene, SceneFacts};
+use std::borrow::Cow;
 
 /// Where ambient radiance comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -171,9 +172,26 @@ impl Whitted {
         intersector: &I,
         progress: impl Fn(usize, usize) + Sync,
     ) -> (Image, RenderStats) {
+        let facts = SceneFacts::new(scene, self.settings.mirror_roughness);
+        self.render_knowing(&facts, camera, scene, intersector, progress)
+    }
+
+    /// As [`Whitted::render_from`], with facts that were found before: looking for them takes as
+    /// long as going through all triangles and textures, and they hold from frame to frame, also
+    /// where objects move. Facts found with another limit of roughness are found again.
+    #[must_use]
+    pub fn render_knowing<I: Intersector + ?Sized>(
+        &self,
+        facts: &SceneFacts,
+        camera: &Camera,
+        scene: &Scene,
+        intersector: &I,
+        progress: impl Fn(usize, usize) + Sync,
+    ) -> (Image, RenderStats) {
         let WhittedSettings { width, height, grid, .. } = self.settings;
         let view = View::new(camera, width, height);
-        let stage = Stage::new(scene, intersector, &self.settings);
+        let facts = self.usable(facts, scene);
+        let stage = Stage::new(scene, &facts, intersector, &self.settings);
         let step = (grid.max(1) as f32).recip();
         render_tiles(width, height, progress, |x, y, stats| {
             let mut sum = DVec3::ZERO;
@@ -197,6 +215,22 @@ impl Whitted {
     pub fn plan(&self, scene: &Scene) -> EffectPlan {
         let facts = SceneFacts::new(scene, self.settings.mirror_roughness);
         plan(scene, &facts, &self.settings)
+    }
+
+    /// As [`Whitted::plan`], with facts that were found before.
+    #[must_use]
+    pub fn plan_knowing(&self, facts: &SceneFacts, scene: &Scene) -> EffectPlan {
+        plan(scene, &self.usable(facts, scene), &self.settings)
+    }
+
+    /// The facts, if they are of the limit of roughness in the settings.
+    fn usable<'a>(&self, facts: &'a SceneFacts, scene: &Scene) -> Cow<'a, SceneFacts> {
+        let limit = self.settings.mirror_roughness;
+        if facts.mirror_roughness == limit {
+            Cow::Borrowed(facts)
+        } else {
+            Cow::Owned(SceneFacts::new(scene, limit))
+        }
     }
 }
 
@@ -273,9 +307,13 @@ struct Runs {
 }
 
 impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
-    fn new(scene: &'a Scene, intersector: &'a I, settings: &'a WhittedSettings) -> Self {
-        let facts = SceneFacts::new(scene, settings.mirror_roughness);
-        let plan = plan(scene, &facts, settings);
+    fn new(
+        scene: &'a Scene,
+        facts: &SceneFacts,
+        intersector: &'a I,
+        settings: &'a WhittedSettings,
+    ) -> Self {
+        let plan = plan(scene, facts, settings);
         let coat = |(facts, material): (&niwaki_scene::MaterialFacts, &niwaki_scene::Material)| {
             (facts.polished, shading::mean_fresnel(material.index_of_refraction()))
         };

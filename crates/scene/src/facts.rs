@@ -103,6 +103,9 @@ pub struct LightFacts {
     pub point: usize,
     /// Spot lights.
     pub spot: usize,
+    /// Of the spot lights those whose cones reach farther than [`LightFacts::NARROW_SPOT`] from
+    /// their axes.
+    pub wide_spot: usize,
     /// Directional lights.
     pub directional: usize,
     /// Triangles whose material gives off light.
@@ -112,6 +115,9 @@ pub struct LightFacts {
 }
 
 impl LightFacts {
+    /// The outer angle, in radians, up to which one view shows the cone of a spot light well.
+    pub const NARROW_SPOT: f32 = 1.1;
+
     /// Point, spot and directional lights: those that cast hard shadows.
     #[must_use]
     pub const fn punctual(&self) -> usize {
@@ -184,7 +190,10 @@ impl SceneFacts {
             match light.kind {
                 LightKind::Point => lights.point += 1,
                 LightKind::Directional => lights.directional += 1,
-                LightKind::Spot { .. } => lights.spot += 1,
+                LightKind::Spot { outer, .. } => {
+                    lights.spot += 1;
+                    lights.wide_spot += usize::from(!(outer <= LightFacts::NARROW_SPOT));
+                }
             }
         }
         lights.emissive_triangles =
@@ -250,7 +259,8 @@ impl SceneFacts {
 
 impl fmt::Display for SceneFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let LightFacts { point, spot, directional, emissive_triangles, environment } = self.lights;
+        let LightFacts { point, spot, directional, emissive_triangles, environment, .. } =
+            self.lights;
         writeln!(f, "{} triangles", self.triangles)?;
         writeln!(
             f,

@@ -1,6 +1,7 @@
 //! `cargo xtask accuracy`: what quality costs in time.
 
 mod analysis;
+mod hybrid;
 mod kernels;
 mod page;
 mod scatter;
@@ -29,8 +30,15 @@ const LCV_RAYS: usize = 20_000;
 /// Runs the command.
 pub(crate) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
     match args.suite {
-        Suite::Builders => builders(args),
+        Suite::Hybrid => return hybrid::run(args),
+        Suite::Builders | Suite::Kernels => {}
+    }
+    if args.size.is_some() || args.frames.is_some() {
+        bail!("--size and --frames are of the suite hybrid, which draws pictures");
+    }
+    match args.suite {
         Suite::Kernels => kernels::run(args),
+        _ => builders(args),
     }
 }
 

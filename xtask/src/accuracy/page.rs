@@ -1,9 +1,9 @@
 //! The report: plots of all points, and the tables.
 
 use super::analysis::{MODEL_TABLE, Point, Study};
-use super::scatter::{COLOURS, Dot, LEGEND, Look, legend, marker, plot};
+use super::scatter::{Dot, Look, plot};
 use crate::report::axis::LogAxis;
-use crate::report::canvas::{chart, draw, failed};
+use crate::report::canvas::{LEGEND, PALETTE, chart, draw, failed, legend, marker};
 use crate::report::page::{FOOT, add_table, failures, figure, head, run_header};
 use crate::report::table::{Best, Table, escape};
 use crate::report::{ray_counts, write_page};
@@ -69,19 +69,26 @@ type Metric = fn(&Point) -> Option<f64>;
 const METRICS: [(&str, Metric); 3] = [("SAH", |p| p.sah), ("EPO", |p| p.epo), ("LCV", |p| p.lcv)];
 
 fn dot(point: &Point, x: f64, on_front: bool) -> Dot<'_> {
-    Dot { family: &point.family, label: &point.label, x, y: point.ray_ns, on_front }
+    Dot {
+        family: &point.family,
+        label: &point.label,
+        x,
+        y: point.ray_ns,
+        on_front,
+        named: on_front,
+    }
 }
 
 fn scatter(points: &[&Point]) -> Result<String> {
     let dots: Vec<_> = points.iter().map(|p| dot(p, p.once_ms, p.on_front)).collect();
     let axes = ("mesh to traversable tree, ms", "time per ray, ns");
-    plot(&dots, &Look { axes, least: None, all_labels: false }, "Build time against time per ray")
+    plot(&dots, &Look { axes, least: None, loose: &[] }, "Build time against time per ray")
 }
 
 fn metric_plot(points: &[&Point], name: &str, value: Metric) -> Result<String> {
     let dots: Vec<_> =
         points.iter().filter_map(|p| Some(dot(p, value(p).filter(|x| *x > 0.0)?, false))).collect();
-    let look = Look { axes: (name, "time per ray, ns"), least: None, all_labels: false };
+    let look = Look { axes: (name, "time per ray, ns"), least: None, loose: &[] };
     plot(&dots, &look, &format!("{name} against time per ray"))
 }
 
@@ -125,12 +132,12 @@ fn fit_plot(study: &Study, model: &CostModel) -> Result<(String, Table)> {
                 let count = n as usize;
                 (n, (model.build_ms(preset, count) * 1e6 / n).max(1e-3))
             });
-            chart.draw_series(LineSeries::new(line, COLOURS[i].mix(0.6))).map_err(failed)?;
+            chart.draw_series(LineSeries::new(line, PALETTE[i].mix(0.6))).map_err(failed)?;
         }
         for (i, x, y) in &points {
             marker(area, chart.backend_coord(&(*x, *y)), *i, 3)?;
         }
-        legend(area, &names)
+        legend(area, names.into_iter().enumerate())
     })?;
     Ok((svg, data))
 }
@@ -159,7 +166,7 @@ fn choice_plot(model: &CostModel) -> Result<(String, Table)> {
                 data.push(vec![n.into(), y.round().into(), preset.name().into()]);
             }
         }
-        legend(area, &names)
+        legend(area, names.into_iter().enumerate())
     })?;
     Ok((svg, data))
 }

@@ -1,36 +1,26 @@
 //! Plots of points in families, with the Pareto front.
 
 use crate::report::axis::LogAxis;
-use crate::report::canvas::{Area, FAINT, INK, SIZE, chart, draw, failed, text};
+use crate::report::canvas::{
+    FAINT, INK, LEGEND, PALETTE, SIZE, chart, draw, failed, legend, marker, text,
+};
 use crate::report::{Frame, place_labels};
 use anyhow::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Colours of families, in the order in which they first appear; they repeat with another marker.
-pub(super) const COLOURS: [RGBColor; 10] = [
-    RGBColor(62, 122, 230),
-    RGBColor(214, 125, 20),
-    RGBColor(20, 150, 100),
-    RGBColor(196, 68, 60),
-    RGBColor(160, 84, 200),
-    RGBColor(150, 110, 80),
-    RGBColor(210, 90, 160),
-    RGBColor(110, 140, 60),
-    RGBColor(16, 158, 178),
-    RGBColor(120, 128, 138),
-];
-
 /// A point of a plot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dot<'a> {
-    /// Points of the same family are joined by a line, in their order.
+    /// Points of the same family share a marker, and are joined by a line, in their order.
     pub(super) family: &'a str,
     pub(super) label: &'a str,
     pub(super) x: f64,
     pub(super) y: f64,
-    /// Ringed, labelled and joined by the dashed line.
+    /// Ringed and joined by the dashed line.
     pub(super) on_front: bool,
+    /// Its label is shown.
+    pub(super) named: bool,
 }
 
 /// What a plot shows beside its points.
@@ -40,8 +30,8 @@ pub(super) struct Look<'a> {
     pub(super) axes: (&'a str, &'a str),
     /// Where all below this stands on the axis of x, and under which name, as a logarithm has no 0.
     pub(super) least: Option<(f64, &'static str)>,
-    /// Points beside the front have labels too.
-    pub(super) all_labels: bool,
+    /// Families whose points are not joined.
+    pub(super) loose: &'a [&'a str],
 }
 
 fn families<'a>(dots: &[Dot<'a>]) -> Vec<&'a str> {
@@ -54,40 +44,6 @@ fn families<'a>(dots: &[Dot<'a>]) -> Vec<&'a str> {
     names
 }
 
-/// A marker whose shape and colour tell the family.
-pub(super) fn marker(area: &Area<'_>, at: (i32, i32), family: usize, size: i32) -> Result<()> {
-    let colour = COLOURS[family % COLOURS.len()];
-    match family / COLOURS.len() {
-        0 => area.draw(&Circle::new(at, size, colour.filled())),
-        1 => area.draw(&TriangleMarker::new(at, size + 2, colour.filled())),
-        2 => area.draw(&Cross::new(at, size, colour.stroke_width(2))),
-        _ => {
-            let (low, high) = ((at.0 - size, at.1 - size), (at.0 + size, at.1 + size));
-            area.draw(&Rectangle::new([low, high], colour.filled()))
-        }
-    }
-    .map_err(failed)
-}
-
-/// The names of families with their markers, below each other at the right, closer to each other
-/// where there are many.
-pub(super) fn legend(area: &Area<'_>, families: &[&str]) -> Result<()> {
-    let x = f64::from(SIZE.0 - LEGEND) + 14.0;
-    let pitch = ((f64::from(SIZE.1) - 24.0) / families.len().max(1) as f64).min(18.0);
-    let size = (pitch - 1.0).min(12.0);
-    for (i, family) in families.iter().enumerate() {
-        let y = 14.0 + pitch * i as f64;
-        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
-        let (at, name) = ((x as i32, y as i32), ((x + 10.0) as i32, (y - 0.5 * size) as i32));
-        marker(area, at, i, 4)?;
-        area.draw(&Text::new((*family).to_owned(), name, text(size, INK))).map_err(failed)?;
-    }
-    Ok(())
-}
-
-/// Width that the legend takes.
-pub(super) const LEGEND: u32 = 134;
-
 /// A plot of points by two quantities, with a line through those of each family and one along the
 /// front.
 pub(super) fn plot(dots: &[Dot<'_>], look: &Look<'_>, description: &str) -> Result<String> {
@@ -98,8 +54,9 @@ pub(super) fn plot(dots: &[Dot<'_>], look: &Look<'_>, description: &str) -> Resu
         let x = LogAxis::around(dots.iter().map(|dot| dot.x), 0.05).with_least(look.least);
         let y = LogAxis::around(dots.iter().map(|dot| dot.y), 0.05);
         let mut chart = chart(area, (x, y), look.axes, LEGEND)?;
-        for (i, family) in families.iter().enumerate() {
-            let colour = COLOURS[i % COLOURS.len()].mix(0.5);
+        let joined = |family: &&str| !look.loose.contains(family);
+        for (i, family) in families.iter().enumerate().filter(|(_, family)| joined(family)) {
+            let colour = PALETTE[i % PALETTE.len()].mix(0.5);
             let line = dots.iter().filter(|dot| dot.family == *family).map(|dot| (dot.x, dot.y));
             chart.draw_series(LineSeries::new(line, colour)).map_err(failed)?;
         }
@@ -116,7 +73,7 @@ pub(super) fn plot(dots: &[Dot<'_>], look: &Look<'_>, description: &str) -> Resu
             if dot.on_front {
                 area.draw(&Circle::new(at, 6, INK.stroke_width(1))).map_err(failed)?;
             }
-            if dot.on_front || look.all_labels {
+            if dot.named {
                 labels.push(((f64::from(at.0), f64::from(at.1)), dot.label.to_owned()));
             }
         }
@@ -129,6 +86,6 @@ pub(super) fn plot(dots: &[Dot<'_>], look: &Look<'_>, description: &str) -> Resu
             let at = (x as i32, y as i32);
             area.draw(&Text::new(name, at, style)).map_err(failed)?;
         }
-        legend(area, &families)
+        legend(area, families.iter().copied().enumerate())
     })
 }

@@ -19,6 +19,8 @@ const DEPTH: u32 = 8;
 pub(super) struct OnCpu {
     scene: Arc<Scene>,
     builder: Box<dyn Builder>,
+    /// What the scene contains, whether its objects move or not.
+    facts: SceneFacts,
     /// The tree of the scene at rest, kept where nothing moves.
     kept: Option<AutoScene>,
     integrator: Integrator,
@@ -43,7 +45,8 @@ impl OnCpu {
                 WhittedSettings { width, height, max_depth, ..WhittedSettings::default() };
             Integrator::Whitted(Whitted::new(WhittedSettings { grid: args.grid, ..settings }))
         };
-        Self { scene: Arc::clone(scene), builder, kept: None, integrator, frame: 0 }
+        let facts = SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS);
+        Self { scene: Arc::clone(scene), builder, facts, kept: None, integrator, frame: 0 }
     }
 }
 
@@ -68,12 +71,15 @@ impl Draw for OnCpu {
         let frame = self.frame;
         self.frame += 1;
         let (image, stats) = timed(&mut parts, "rays", || match &self.integrator {
-            Integrator::Whitted(whitted) => whitted.render_from(camera, &scene, tree, progress),
+            Integrator::Whitted(whitted) => {
+                whitted.render_knowing(&self.facts, camera, &scene, tree, progress)
+            }
             Integrator::Path(path) => {
                 // Noise that stood still would look like dirt on the lens.
                 let seed = path.settings.seed.wrapping_add(frame);
                 let settings = PathSettings { seed, ..path.settings.clone() };
-                PathTracer::new(settings).render_from(camera, &scene, tree, progress)
+                let tracer = PathTracer::new(settings);
+                tracer.render_knowing(&self.facts, camera, &scene, tree, progress)
             }
         });
         Ok(Drawn { image, parts, counts: counts(&stats) })
@@ -81,10 +87,10 @@ impl Draw for OnCpu {
 
     fn explain(&self, _: &Camera, _: f64) -> String {
         match &self.integrator {
-            Integrator::Whitted(whitted) => whitted.plan(&self.scene).to_string(),
-            Integrator::Path(_) => {
-                SceneFacts::new(&self.scene, SceneFacts::MIRROR_ROUGHNESS).to_string()
+            Integrator::Whitted(whitted) => {
+                whitted.plan_knowing(&self.facts, &self.scene).to_string()
             }
+            Integrator::Path(_) => self.facts.to_string(),
         }
     }
 }

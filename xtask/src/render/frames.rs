@@ -4,7 +4,8 @@ use super::args::RenderArgs;
 use crate::{
     machine,
     report::{
-        canvas::{FAINT, GRID, INK, SIZE, draw, failed, text},
+        axis::LinearAxis,
+        canvas::{LEGEND, PALETTE, chart, draw, failed, legend},
         table::{Best, Table},
     },
     results::Run,
@@ -57,21 +58,6 @@ pub(super) struct Count {
     pub(super) name: String,
     pub(super) count: u64,
 }
-
-/// Colours of parts, in their order.
-const COLOURS: [RGBColor; 8] = [
-    RGBColor(62, 122, 230),
-    RGBColor(20, 150, 100),
-    RGBColor(214, 125, 20),
-    RGBColor(196, 68, 60),
-    RGBColor(160, 84, 200),
-    RGBColor(150, 110, 80),
-    RGBColor(16, 158, 178),
-    RGBColor(120, 128, 138),
-];
-
-/// Width of the legend in pixels.
-const LEGEND: u32 = 120;
 
 impl Frames {
     pub(super) fn new(spec: &SceneSpec, scene: &Scene, args: &RenderArgs, threads: usize) -> Self {
@@ -133,29 +119,12 @@ impl Frames {
         let most = self.frames.iter().map(Frame::total).fold(0.0, f64::max).max(1e-3);
         let description = format!("Milliseconds of each part of {} frames", self.frames.len());
         draw(&description, |area| {
-            let mut chart = ChartBuilder::on(area)
-                .margin(8)
-                .margin_right(LEGEND)
-                .x_label_area_size(46)
-                .y_label_area_size(62)
-                .build_cartesian_2d(0.0..self.frames.len() as f64, 0.0..most * 1.05)
-                .map_err(failed)?;
-            chart
-                .configure_mesh()
-                .disable_x_mesh()
-                .max_light_lines(0)
-                .bold_line_style(GRID)
-                .axis_style(FAINT)
-                .x_desc("frame")
-                .y_desc("ms")
-                .x_label_formatter(&|x| format!("{x:.0}"))
-                .label_style(text(12.0, FAINT))
-                .axis_desc_style(text(13.0, INK))
-                .draw()
-                .map_err(failed)?;
+            let x = LinearAxis::up_to(self.frames.len() as f64);
+            let axes = (x, LinearAxis::up_to(most * 1.05));
+            let mut chart = chart(area, axes, ("frame", "ms"), LEGEND)?;
             for (i, frame) in self.frames.iter().enumerate() {
                 let mut from = 0.0;
-                for (part, colour) in parts.iter().zip(COLOURS.iter().cycle()) {
+                for (part, colour) in parts.iter().zip(PALETTE.iter().cycle()) {
                     let to = from + frame.ms(part);
                     let corners = [(i as f64, from), (i as f64 + 1.0, to)];
                     let bar = Rectangle::new(corners, colour.filled());
@@ -164,26 +133,7 @@ impl Frames {
                 }
             }
             // The last part is on top, in the plot and in its legend.
-            for (row, (part, colour)) in parts
-                .iter()
-                .zip(COLOURS.iter().cycle())
-                .collect::<Vec<_>>()
-                .iter()
-                .rev()
-                .enumerate()
-            {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_possible_wrap,
-                    reason = "pixels"
-                )]
-                let (x, y) = ((SIZE.0 - LEGEND) as i32 + 12, 18 + 18 * row as i32);
-                let corners = [(x - 4, y - 4), (x + 4, y + 4)];
-                area.draw(&Rectangle::new(corners, colour.filled())).map_err(failed)?;
-                let name = Text::new((**part).to_owned(), (x + 10, y - 7), text(12.0, INK));
-                area.draw(&name).map_err(failed)?;
-            }
-            Ok(())
+            legend(area, parts.iter().copied().enumerate().rev())
         })
     }
 }

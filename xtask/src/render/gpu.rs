@@ -6,9 +6,11 @@ use super::{
     counted,
 };
 use anyhow::Result;
-use niwaki_hybrid::{Counters, DebugView, Gpu, HybridRenderer, NearRegion, Settings};
+use niwaki_hybrid::{
+    Counters, DebugView, FrameReport, Gpu, HybridRenderer, NearRegion, Settings, StageReport,
+};
 use niwaki_scene::{Camera, Scene};
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 /// Draws on the GPU.
 pub(super) struct OnGpu {
@@ -32,14 +34,32 @@ impl OnGpu {
     }
 }
 
+impl Preset {
+    /// What the preset stands for.
+    pub(crate) fn settings(self) -> Settings {
+        match self {
+            Self::Fast => Settings::fast(),
+            Self::Default => Settings::default(),
+            Self::Fine => Settings::fine(),
+            Self::Paper => Settings::paper(),
+        }
+    }
+}
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
+
+/// Names and milliseconds of what the GPU did for a frame, in order; none on a device without
+/// timestamps.
+pub(crate) fn passes(report: &FrameReport) -> Vec<(String, f64)> {
+    let pass = |s: &StageReport| Some((s.stage.to_string(), ms(s.gpu_time?)));
+    report.stages.iter().filter_map(pass).collect()
+}
+
 /// What the arguments ask for.
 fn settings(args: &RenderArgs) -> Settings {
-    let preset = match args.preset {
-        Preset::Fast => Settings::fast(),
-        Preset::Default => Settings::default(),
-        Preset::Fine => Settings::fine(),
-        Preset::Paper => Settings::paper(),
-    };
+    let preset = args.preset.settings();
     let near_region = match args.mode {
         Mode::FullBvh => NearRegion::WholeScene,
         _ => args.region.map_or(preset.near_region, NearRegion::ShareOfScene),
@@ -66,13 +86,8 @@ impl Draw for OnGpu {
         }
         let frame = self.renderer.render(camera, width, height, time)?;
         progress(1, 1);
-        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
-        let mut parts: Vec<Part> = frame
-            .report
-            .stages
-            .iter()
-            .filter_map(|s| Some(Part { name: s.stage.to_string(), ms: ms(s.gpu_time?) }))
-            .collect();
+        let passes = passes(&frame.report).into_iter();
+        let mut parts: Vec<Part> = passes.map(|(name, ms)| Part { name, ms }).collect();
         let named: f64 = parts.iter().map(|part| part.ms).sum();
         // Recording commands, waiting, and all of it on a device without timestamps.
         let rest = (ms(frame.report.total) - named).max(0.0);

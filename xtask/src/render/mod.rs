@@ -5,7 +5,8 @@ mod cpu;
 mod frames;
 mod gpu;
 
-pub(crate) use args::RenderArgs;
+pub(crate) use args::{Preset, RenderArgs, Size};
+pub(crate) use gpu::passes;
 
 use crate::{
     bench::{pool, progress::Progress},
@@ -139,7 +140,7 @@ fn draw(
 
 /// Where the camera of each frame stands, and when, in seconds. A single frame shows the scene at
 /// rest from its first camera.
-fn moments(scene: &Scene, frames: u32) -> Result<Vec<(Camera, f64)>> {
+pub(crate) fn moments(scene: &Scene, frames: u32) -> Result<Vec<(Camera, f64)>> {
     if frames == 1 {
         let camera = scene.cameras.first().context("the scene has no camera")?;
         return Ok(vec![(*camera, 0.0)]);

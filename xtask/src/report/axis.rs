@@ -1,7 +1,14 @@
-//! A logarithmic axis whose ticks suit ranges of half a decade as well as of nine.
+//! Axes: a logarithmic one whose ticks suit ranges of half a decade as well as of nine, one from 0,
+//! and one of names.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
 use std::ops::Range;
+
+/// What a chart can have as an axis.
+pub(crate) trait Axis: Ranged<ValueType = f64> + ValueFormatter<f64> {}
+
+impl<A: Ranged<ValueType = f64> + ValueFormatter<f64>> Axis for A {}
 
 /// A logarithmic axis with ticks at 1, 2 and 5 times powers of ten, or at powers alone where
 /// those would crowd. (The one of plotters ticks powers of ten only, of which a range such as
@@ -104,6 +111,78 @@ impl ValueFormatter<f64> for LogAxis {
     }
 }
 
+/// An axis from 0.
+#[derive(Clone)]
+pub(crate) struct LinearAxis(RangedCoordf64);
+
+impl LinearAxis {
+    /// Up to exactly this number, or to some if it is not above 0.
+    pub(crate) fn up_to(most: f64) -> Self {
+        Self((0.0..if most > 0.0 && most.is_finite() { most } else { 1.0 }).into())
+    }
+}
+
+impl Ranged for LinearAxis {
+    type ValueType = f64;
+    type FormatOption = NoDefaultFormatting;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        self.0.map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        self.0.key_points(hint)
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.0.range()
+    }
+}
+
+impl ValueFormatter<f64> for LinearAxis {
+    fn format_ext(&self, value: &f64) -> String {
+        short(*value)
+    }
+}
+
+/// An axis of names: the first stands at 0, the next at 1, and so on.
+#[derive(Clone, Debug)]
+pub(crate) struct NameAxis(Vec<String>);
+
+impl NameAxis {
+    pub(crate) const fn new(names: Vec<String>) -> Self {
+        Self(names)
+    }
+}
+
+impl Ranged for NameAxis {
+    type ValueType = f64;
+    type FormatOption = NoDefaultFormatting;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let share = (value + 0.5) / self.0.len().max(1) as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "saturates; pixels are few")]
+        {
+            (f64::from(from) + share * f64::from(to - from)).round() as i32
+        }
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        (0..self.0.len()).map(|i| i as f64).collect()
+    }
+
+    fn range(&self) -> Range<f64> {
+        -0.5..self.0.len() as f64 - 0.5
+    }
+}
+
+impl ValueFormatter<f64> for NameAxis {
+    fn format_ext(&self, value: &f64) -> String {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a tick")]
+        self.0.get(value.round() as usize).cloned().unwrap_or_default()
+    }
+}
+
 /// A number as an axis or a sentence shows it: `0.05`, `250`, `30k`, `1.2M`.
 pub(crate) fn short(number: f64) -> String {
     let trimmed = |x: f64| {
@@ -157,6 +236,23 @@ mod tests {
         let axis = LogAxis::around([0.1, 1e3].into_iter(), 0.05).with_least(Some((0.1, "0")));
         assert_eq!((axis.format_ext(&0.1), axis.format_ext(&1.0)), ("0".into(), "1".into()));
         assert_eq!(LogAxis::exactly(0.1..1.0).format_ext(&0.1), "0.1");
+    }
+
+    #[test]
+    fn names_stand_in_the_middle_of_equal_parts() {
+        let axis = NameAxis::new(vec!["a".into(), "b".into()]);
+        assert_eq!((axis.map(&0.0, (0, 100)), axis.map(&1.0, (0, 100))), (25, 75));
+        assert_eq!(axis.map(&1.0, (100, 0)), 25);
+        let names: Vec<_> = axis.key_points(1).iter().map(|x| axis.format_ext(x)).collect();
+        assert_eq!(names, ["a", "b"]);
+    }
+
+    #[test]
+    fn linear_axes_begin_at_zero_whatever_they_show() {
+        assert_eq!(LinearAxis::up_to(4.0).range(), 0.0..4.0);
+        for odd in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(LinearAxis::up_to(odd).range(), 0.0..1.0);
+        }
     }
 
     #[test]

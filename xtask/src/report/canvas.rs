@@ -1,13 +1,14 @@
 //! What all plots share: the size, colours that follow the page, axes.
 
-use super::axis::LogAxis;
+use super::axis::{Axis, LogAxis};
 use crate::results::Source;
 use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-pub(crate) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
+pub(crate) type Chart<'a, 'b, X = LogAxis, Y = LogAxis> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
 
 /// Width and height in CSS pixels; the page scales them down where it is narrower.
 pub(crate) const SIZE: (u32, u32) = (720, 440);
@@ -45,6 +46,57 @@ pub(crate) fn colour(source: Source, builder: &str) -> RGBColor {
         (Source::Embree, _) => RGBColor(62, 122, 230),
         (Source::Obvhs, _) => RGBColor(160, 84, 200),
     }
+}
+
+/// Colours of lines and points that belong together; they repeat with another marker.
+pub(crate) const PALETTE: [RGBColor; 10] = [
+    RGBColor(62, 122, 230),
+    RGBColor(214, 125, 20),
+    RGBColor(20, 150, 100),
+    RGBColor(196, 68, 60),
+    RGBColor(160, 84, 200),
+    RGBColor(150, 110, 80),
+    RGBColor(210, 90, 160),
+    RGBColor(110, 140, 60),
+    RGBColor(16, 158, 178),
+    RGBColor(120, 128, 138),
+];
+
+/// A marker whose shape and colour tell the number in the legend.
+pub(crate) fn marker(area: &Area<'_>, at: (i32, i32), number: usize, size: i32) -> Result<()> {
+    let colour = PALETTE[number % PALETTE.len()];
+    match number / PALETTE.len() {
+        0 => area.draw(&Circle::new(at, size, colour.filled())),
+        1 => area.draw(&TriangleMarker::new(at, size + 2, colour.filled())),
+        2 => area.draw(&Cross::new(at, size, colour.stroke_width(2))),
+        _ => {
+            let (low, high) = ((at.0 - size, at.1 - size), (at.0 + size, at.1 + size));
+            area.draw(&Rectangle::new([low, high], colour.filled()))
+        }
+    }
+    .map_err(failed)
+}
+
+/// Width that the legend takes, unless its names are longer than usual.
+pub(crate) const LEGEND: u32 = 134;
+
+/// Names beside the markers of their numbers, below each other at the right, closer to each other
+/// where there are many.
+pub(crate) fn legend<'a>(
+    area: &Area<'_>,
+    entries: impl ExactSizeIterator<Item = (usize, &'a str)>,
+) -> Result<()> {
+    let x = f64::from(SIZE.0 - LEGEND) + 14.0;
+    let pitch = ((f64::from(SIZE.1) - 24.0) / entries.len().max(1) as f64).min(18.0);
+    let size = (pitch - 1.0).min(12.0);
+    for (row, (number, name)) in entries.enumerate() {
+        let y = 14.0 + pitch * row as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+        let (at, place) = ((x as i32, y as i32), ((x + 10.0) as i32, (y - 0.5 * size) as i32));
+        marker(area, at, number, 4)?;
+        area.draw(&Text::new(name.to_owned(), place, text(size, INK))).map_err(failed)?;
+    }
+    Ok(())
 }
 
 pub(crate) fn failed<E: std::fmt::Debug>(error: E) -> anyhow::Error {
@@ -92,12 +144,13 @@ pub(crate) fn draw(
     Ok(themed(&svg, description))
 }
 
-pub(crate) fn chart<'a, 'b>(
+/// Axes with their ticks and names, and a margin at the right for a legend.
+pub(crate) fn chart<'a, 'b, X: Axis, Y: Axis>(
     area: &'a Area<'b>,
-    (x, y): (LogAxis, LogAxis),
+    (x, y): (X, Y),
     (x_label, y_label): (&str, &str),
     right: u32,
-) -> Result<Chart<'a, 'b>> {
+) -> Result<Chart<'a, 'b, X, Y>> {
     let mut chart = ChartBuilder::on(area)
         .margin(8)
         .margin_right(right)

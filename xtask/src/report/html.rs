@@ -3,16 +3,13 @@
 use super::against;
 use super::break_even::lower_envelope;
 use super::model::{Group, groups};
-use super::page::{self, Csv, add_table, csv_link, figure};
+use super::page::{self, Csv, add_table, csv_link, figure, picture_data};
 use super::plots::{self, Totals};
 use super::table::{Best, Table, escape};
 use super::tables;
 use crate::results::{Results, SceneInfo};
-use anyhow::{Context, Result};
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD as BASE64;
+use anyhow::Result;
 use std::fmt::Write as _;
-use std::path::Path;
 
 const HOW_TO_READ: &str = include_str!("how_to_read.html");
 
@@ -150,12 +147,6 @@ fn scene_header(html: &mut String, group: &Group<'_>, scene: Option<&SceneInfo>)
     }
     html.push_str("</div>\n");
     Ok(())
-}
-
-fn picture_data(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path)
-        .with_context(|| format!("cannot read the picture {}", path.display()))?;
-    Ok(format!("data:image/png;base64,{}", BASE64.encode(bytes)))
 }
 
 fn add_group(

@@ -2,10 +2,11 @@
 
 use super::table::{Table, escape};
 use crate::results::{Failure, Run};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// A file to be written beside the report: its name without `.csv`, and its text.
 pub(crate) type Csv = (String, String);
@@ -90,6 +91,13 @@ pub(crate) fn add_table(html: &mut String, files: &mut Vec<Csv>, table: &Table) 
     let _ = writeln!(html, "<p class=\"csv\">{}</p>", csv_link(&table.name, &csv));
     files.push((table.name.clone(), csv));
     Ok(())
+}
+
+/// A PNG file as the address of an image that the page holds.
+pub(crate) fn picture_data(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path)
+        .with_context(|| format!("cannot read the picture {}", path.display()))?;
+    Ok(format!("data:image/png;base64,{}", BASE64.encode(bytes)))
 }
 
 /// A link that holds the file.

@@ -1,6 +1,8 @@
 //! The rules.
 
-use super::{Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality};
+use super::{
+    Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality, counted,
+};
 use crate::{Face, Region, Settings, Shadows};
 use glam::DVec3;
 use niwaki_core::{Aabb, to_u32};
@@ -56,6 +58,14 @@ fn skip(reason: impl Into<String>) -> Ruling {
     (Decision::Skip, reason.into())
 }
 
+fn going_on(objects: usize) -> String {
+    format!("rays go on from {}", counted(to_u32(objects), "visible object"))
+}
+
+fn faces_are(n: usize) -> String {
+    if n == 1 { "1 face is".into() } else { format!("{n} faces are") }
+}
+
 impl Frame<'_> {
     fn plan(self) -> EffectPlan {
         let mut passes: Vec<PlannedPass> = Vec::new();
@@ -101,6 +111,11 @@ impl Frame<'_> {
                 let objects = to_u32(self.in_faces[face.index()].len());
                 Quality::View { width: side, height: side, objects }
             }
+            Effect::SecondLayer | Effect::DepthPyramid => {
+                let drawn = |f: &&Face| self.settings.force_all || self.draws(**f);
+                let faces = to_u32(Face::ALL.iter().filter(drawn).count());
+                Quality::Faces { faces, resolution: side }
+            }
             Effect::NearRegion => Quality::Objects(to_u32(self.in_region.len())),
             Effect::ReflectionRays | Effect::RefractionRays => {
                 Quality::Depth(self.settings.max_depth)
@@ -119,17 +134,23 @@ impl Frame<'_> {
             Effect::Deformation => self.deformation(),
             Effect::PrimaryView => match self.visible.len() {
                 0 => skip("the camera sees no object"),
-                n => run(
-                    self.quality(effect),
-                    format!("{n} of {} objects are in view", self.facts.objects.len()),
-                ),
+                n => run(self.quality(effect), format!("{n} of {} in view", self.all_objects())),
             },
             Effect::Alpha => match self.facts.objects.iter().filter(|o| o.alpha).count() {
                 0 => skip("no surface is cut out or blended"),
+                1 => run(Quality::Full, "1 object has cut-out or blended surfaces"),
                 n => run(Quality::Full, format!("{n} objects have cut-out or blended surfaces")),
             },
             Effect::ShadowMaps => self.shadow_maps(),
             Effect::CubeFace(face) => self.face(face),
+            Effect::SecondLayer if self.settings.layers < 2 => {
+                skip("the settings ask for one layer")
+            }
+            Effect::SecondLayer => self.of_faces(effect, "rays may pass behind what they show"),
+            Effect::DepthPyramid if !self.settings.march.needs_pyramid() => {
+                skip("the settings march without it")
+            }
+            Effect::DepthPyramid => self.of_faces(effect, "rays may cross them"),
             Effect::NearRegion => self.near_region(),
             Effect::ShadowRays => self.shadow_rays(),
             Effect::ReflectionRays | Effect::RefractionRays => self.secondary(effect),
@@ -150,6 +171,7 @@ impl Frame<'_> {
             _ if !self.moved && self.facts.kept.is_some_and(|k| k.deformed) => {
                 keep("no object has moved since the last frame")
             }
+            1 => run(self.quality(Effect::Deformation), "1 object moves or bends"),
             n => run(self.quality(Effect::Deformation), format!("{n} objects move or bend")),
         }
     }
@@ -183,7 +205,7 @@ impl Frame<'_> {
         }
         match self.sending() {
             Err(reason) => skip(reason),
-            Ok(n) => run(self.quality(effect), format!("rays go on from {n} visible objects")),
+            Ok(n) => run(self.quality(effect), going_on(n)),
         }
     }
 
@@ -193,7 +215,7 @@ impl Frame<'_> {
         }
         match self.sending() {
             Err(reason) => skip(reason),
-            Ok(n) => run(Quality::Full, format!("rays go on from {n} visible objects")),
+            Ok(n) => run(Quality::Full, going_on(n)),
         }
     }
 
@@ -234,8 +256,35 @@ impl Frame<'_> {
         }
         run(
             self.quality(Effect::CubeFace(face)),
-            format!("rays may enter it, {} objects reach into it", shown.len()),
+            match shown.len() {
+                1 => "rays may enter it, 1 object reaches into it".into(),
+                n => format!("rays may enter it, {n} objects reach into it"),
+            },
         )
+    }
+
+    /// True if a face is drawn in this frame.
+    fn draws(&self, face: Face) -> bool {
+        matches!(self.face(face).0, Decision::Run { .. })
+    }
+
+    /// What is made from the faces that are drawn, and kept with those that are kept.
+    fn of_faces(&self, effect: Effect, why: &str) -> Ruling {
+        let drawn = Face::ALL.iter().filter(|f| self.draws(**f)).count();
+        if drawn > 0 {
+            return run(self.quality(effect), format!("{} drawn anew, {why}", faces_are(drawn)));
+        }
+        if Face::ALL.iter().any(|f| self.face(*f).0 == Decision::Keep) {
+            return keep("no face is drawn anew");
+        }
+        skip("no face of the cube map is in use")
+    }
+
+    fn all_objects(&self) -> String {
+        match self.facts.objects.len() {
+            1 => "1 object is".into(),
+            n => format!("{n} objects are"),
+        }
     }
 
     fn traces_shadows(&self) -> bool {
@@ -272,7 +321,8 @@ impl Frame<'_> {
 
     fn shadow_layers(&self) -> u32 {
         let lights = self.facts.scene.lights;
-        to_u32(6 * (lights.point + lights.spot) + lights.directional)
+        let in_one = lights.directional + lights.spot - lights.wide_spot;
+        to_u32(6 * (lights.point + lights.wide_spot) + in_one)
     }
 
     fn shadow_maps(&self) -> Ruling {
@@ -286,8 +336,11 @@ impl Frame<'_> {
         if !self.moved && self.facts.kept.and_then(|k| k.shadow_maps) == Some(wanted) {
             return keep("no object has moved since the last frame");
         }
-        let lights = self.facts.scene.lights.punctual();
-        run(self.quality(Effect::ShadowMaps), format!("{lights} lamps cast shadows"))
+        let reason = match self.facts.scene.lights.punctual() {
+            1 => "1 lamp casts shadows".into(),
+            n => format!("{n} lamps cast shadows"),
+        };
+        run(self.quality(Effect::ShadowMaps), reason)
     }
 
     fn near_region(&self) -> Ruling {
@@ -297,8 +350,10 @@ impl Frame<'_> {
         if self.in_region.is_empty() {
             return skip("no object meets it");
         }
-        let reason =
-            format!("{} of {} objects meet it", self.in_region.len(), self.facts.objects.len());
+        let meeting = to_u32(self.in_region.len());
+        let verb = if meeting == 1 { "meets" } else { "meet" };
+        let all = counted(to_u32(self.facts.objects.len()), "object");
+        let reason = format!("{meeting} of {all} {verb} it");
         let Some(kept) = self.facts.kept else {
             return run(self.quality(Effect::NearRegion), reason);
         };

@@ -18,7 +18,7 @@ use wgpu::BufferUsages;
 const VIEW_STRIDE: u32 = 256;
 
 /// Commands with their timing.
-struct Recorder<'a> {
+pub(super) struct Recorder<'a> {
     gpu: &'a Gpu,
     encoder: wgpu::CommandEncoder,
     queries: Option<wgpu::QuerySet>,
@@ -42,7 +42,11 @@ impl<'a> Recorder<'a> {
     }
 
     /// Records a stage; `work` returns how many draws and dispatches it recorded.
-    fn stage(&mut self, stage: Stage, work: impl FnOnce(&mut wgpu::CommandEncoder) -> [u32; 2]) {
+    pub(super) fn stage(
+        &mut self,
+        stage: Stage,
+        work: impl FnOnce(&mut wgpu::CommandEncoder) -> [u32; 2],
+    ) {
         let index = 2 * niwaki_core::to_u32(self.stages.len());
         if let Some(queries) = &self.queries {
             self.encoder.write_timestamp(queries, index);
@@ -82,18 +86,20 @@ impl<'a> Recorder<'a> {
 }
 
 /// Views in one buffer, bound by offset.
-struct Views {
+pub(super) struct Views {
     group: wgpu::BindGroup,
 }
 
 /// What a raster pass draws into and how.
-struct Raster<'a> {
-    pipeline: &'a wgpu::RenderPipeline,
-    colors: &'a [&'a wgpu::TextureView],
-    depth: &'a wgpu::TextureView,
-    clear_depth: f32,
-    view: u32,
-    draws: &'a [Range<u32>],
+pub(super) struct Raster<'a> {
+    pub(super) pipeline: &'a wgpu::RenderPipeline,
+    pub(super) colors: &'a [&'a wgpu::TextureView],
+    pub(super) depth: &'a wgpu::TextureView,
+    pub(super) clear_depth: f32,
+    pub(super) view: u32,
+    pub(super) draws: &'a [Range<u32>],
+    /// What else the fragment shader reads.
+    pub(super) inputs: Option<&'a wgpu::BindGroup>,
 }
 
 impl HybridRenderer {
@@ -113,11 +119,7 @@ impl HybridRenderer {
             self.draw_shadows(&mut recorder, scenery, &views)?;
         }
         self.draw_primary(&mut recorder, scenery, &views)?;
-        for face in Face::ALL {
-            if plan.runs(Effect::CubeFace(face)) {
-                self.draw_face(&mut recorder, scenery, &views, face)?;
-            }
-        }
+        self.draw_cube(&mut recorder, scenery, &views)?;
         if plan.runs(Effect::NearRegion) {
             self.build_tree(&mut recorder, scenery)?;
         }
@@ -137,6 +139,7 @@ impl HybridRenderer {
         let [width, height] = scenery.size;
         let region = &scenery.plan.region;
         let near = region.far * 1e-6;
+        // The camera's first, then those of faces and of lights.
         let mut views = vec![camera_view(&scenery.camera, width, height, near)];
         let local = Region { center: Vec3::ZERO, ..*region };
         views.extend(Face::ALL.map(|face| ViewMatrix {
@@ -193,7 +196,7 @@ impl HybridRenderer {
     }
 
     /// Ranges of triangles of these objects, neighbours joined.
-    fn ranges(scenery: &Scenery, objects: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
+    pub(super) fn ranges(scenery: &Scenery, objects: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
         let mut ranges: Vec<Range<u32>> = Vec::new();
         for i in objects {
             let Some(object) = scenery.objects.get(i as usize) else { continue };
@@ -207,7 +210,12 @@ impl HybridRenderer {
         ranges
     }
 
-    fn raster(&self, encoder: &mut wgpu::CommandEncoder, views: &Views, r: &Raster<'_>) -> u32 {
+    pub(super) fn raster(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        views: &Views,
+        r: &Raster<'_>,
+    ) -> u32 {
         let colors: Vec<_> = r
             .colors
             .iter()
@@ -244,6 +252,9 @@ impl HybridRenderer {
         pass.set_pipeline(r.pipeline);
         pass.set_bind_group(0, &self.uploaded.group, &[]);
         pass.set_bind_group(1, &views.group, &[r.view * VIEW_STRIDE]);
+        if let Some(inputs) = r.inputs {
+            pass.set_bind_group(2, inputs, &[]);
+        }
         pass.set_vertex_buffer(0, self.uploaded.vertices.slice(..));
         pass.set_index_buffer(self.uploaded.indices.slice(..), wgpu::IndexFormat::Uint32);
         for range in r.draws {
@@ -279,6 +290,7 @@ impl HybridRenderer {
                         clear_depth: 0.0,
                         view: number,
                         draws: &Self::ranges(scenery, shown),
+                        inputs: None,
                     },
                 );
             }
@@ -307,6 +319,7 @@ impl HybridRenderer {
             clear_depth: 0.0,
             view: 0,
             draws: &ranges,
+            inputs: None,
         };
         if runs {
             recorder.stage(Stage::Effect(Effect::PrimaryView), |encoder| {
@@ -316,36 +329,6 @@ impl HybridRenderer {
             // Nothing is drawn, but the images of the last frame must go.
             self.raster(&mut recorder.encoder, views, &raster);
         }
-        Ok(())
-    }
-
-    fn draw_face(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        scenery: &Scenery,
-        views: &Views,
-        face: Face,
-    ) -> Result<(), HybridError> {
-        let variant = scenery.variant;
-        let layout = &self.uploaded.layout;
-        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Face, variant)?;
-        let i = face.index();
-        recorder.stage(Stage::Effect(Effect::CubeFace(face)), |encoder| {
-            let shown = scenery.plan.in_faces[i].iter().copied();
-            let draws = self.raster(
-                encoder,
-                views,
-                &Raster {
-                    pipeline: &pipeline,
-                    colors: &[&self.cube.surface.each[i]],
-                    depth: &self.cube.depth.each[i],
-                    clear_depth: 1.0,
-                    view: 1 + niwaki_core::to_u32(i),
-                    draws: &Self::ranges(scenery, shown),
-                },
-            );
-            [draws, 0]
-        });
         Ok(())
     }
 
@@ -403,6 +386,7 @@ impl HybridRenderer {
                 screen.image.as_entire_binding(),
                 screen.pixels.as_entire_binding(),
                 screen.counters.as_entire_binding(),
+                wgpu::BindingResource::TextureView(&self.pyramid.all),
             ],
         ))
     }

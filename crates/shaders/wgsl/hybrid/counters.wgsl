@@ -19,6 +19,8 @@ const C_MAP_HITS = 12u;
 const C_SKY = 13u;
 const C_BEHIND = 14u;
 const C_CUT = 15u;
+const C_CELLS = 16u;
+const C_SECOND = 17u;
 
 fn count(which: u32, n: u32) {
     if n == 0u {

@@ -1,5 +1,5 @@
 //!import hybrid/primitive_index
-//!import hybrid/scene
+//!import hybrid/depth
 // Rasterising what a camera or a face of the cube map sees (Ganestam and Doggett 2014, 3.1, 3.2).
 // A pixel of the G-buffer: x normal, y base colour, z material, metallic and roughness, w emission.
 
@@ -16,7 +16,8 @@ struct View {
 override ALPHA: bool = true;
 
 struct Varying {
-    @builtin(position) clip: vec4f,
+    // The same in all passes, so that a surface of the first layer is not behind itself.
+    @invariant @builtin(position) clip: vec4f,
     @location(0) normal: vec3f,
     @location(1) uv: vec2f,
     // The first triangle of the draw.
@@ -94,6 +95,23 @@ fn primary_main(in: Varying, @builtin(primitive_index) primitive: u32) -> Primar
 
 @fragment
 fn face_main(in: Varying, @builtin(primitive_index) primitive: u32) -> @location(0) vec4u {
+    return pixel(in, in.first + primitive);
+}
+
+// The first layer of the face, while the second is drawn.
+@group(2) @binding(0) var first_depth: texture_depth_2d;
+@group(2) @binding(1) var first_surface: texture_2d<u32>;
+
+// What comes next behind the first layer, its thickness included: what lies within that no ray
+// reaches. A bit more, so that surfaces that touch the first do not fill the layer.
+@fragment
+fn second_main(in: Varying, @builtin(primitive_index) primitive: u32) -> @location(0) vec4u {
+    let at = vec2u(in.clip.xy);
+    let id = textureLoad(first_surface, at, 0).z >> 16u;
+    let back = surface_depth(textureLoad(first_depth, at, 0)) + materials[id].thickness;
+    if !(less_doubt(linear_depth(in.clip.z)) > back) {
+        discard;
+    }
     return pixel(in, in.first + primitive);
 }
 

@@ -1,16 +1,16 @@
+//!import hybrid/depth
 //!import hybrid/shadows
-// Rays in the cube map: marching through the depth of a face in its perspective space (Ganestam and
-// Doggett 2014, section 3.4).
+// The cube map: its faces, its layers, and what rays find there.
 
 @group(1) @binding(5) var face_depth: texture_depth_2d_array;
 @group(1) @binding(6) var face_surface: texture_2d_array<u32>;
 
 // The cube map is used; otherwise what leaves the near region is sky.
 override USE_MAP: bool = true;
-// Samples as the paper prints it instead of many for grazing rays.
-override AS_PRINTED: bool = false;
 // Rays that pass behind a surface of the map go on; otherwise to the sky.
 override GO_ON: bool = true;
+// Layers of the map; layer k of a face is array layer 6 k + face.
+override LAYERS: u32 = 1u;
 
 const MAP_HIT = 0u;
 const MAP_FAR = 1u;
@@ -18,9 +18,6 @@ const MAP_NEAR = 2u;
 const MAP_BEHIND = 3u;
 // 4 + k: through side k, which are x = w, x = -w, y = w, y = -w.
 const MAP_SIDE = 4u;
-
-// tan(45.1 degrees).
-const FACE_TANGENT = 1.0034968;
 
 struct MarchResult {
     outcome: u32,
@@ -30,9 +27,12 @@ struct MarchResult {
     at: vec2f,
     depth: f32,
     pixel: vec2u,
-    // The ray has passed behind some surface.
+    layer: u32,
+    // The ray has passed behind some surface, and behind what the next layer knows there.
     behind: bool,
+    // Pixels of the map and cells of its pyramid that were looked at.
     samples: u32,
+    cells: u32,
 }
 
 fn face_forward(face: u32) -> vec3f {
@@ -56,13 +56,6 @@ fn face_neighbour(face: u32, side: u32) -> u32 {
     return cube_layer(select(d, -d, (side & 1u) == 1u));
 }
 
-// Distance along the face's axis of a depth of its map.
-fn linear_depth(z: f32) -> f32 {
-    let n = frame.half_size;
-    let f = frame.far;
-    return n * f / (f - z * (f - n));
-}
-
 fn pixel_at(ndc: vec2f) -> vec2u {
     let size = frame.face_resolution;
     let p = (ndc * vec2f(0.5, -0.5) + 0.5) * size;
@@ -70,120 +63,9 @@ fn pixel_at(ndc: vec2f) -> vec2u {
 }
 
 // How far behind the front a surface still counts as met.
-fn thickness_of(face: u32, pixel: vec2u) -> f32 {
-    let id = textureLoad(face_surface, pixel, face, 0).z >> 16u;
+fn thickness_of(array_layer: u32, pixel: vec2u) -> f32 {
+    let id = textureLoad(face_surface, pixel, array_layer, 0).z >> 16u;
     return materials[id].thickness;
-}
-
-// Follows the line origin + t direction, both in clip space of the face, from t_start to where it
-// hits or leaves.
-// `ray` is its direction in the world.
-fn march(
-    face: u32,
-    origin: vec4f,
-    direction: vec4f,
-    t_start: f32,
-    ray: vec3f,
-) -> MarchResult {
-    var r = MarchResult(MAP_FAR, t_start, vec2f(0.0), 0.0, vec2u(0u), false, 0u);
-    // Clipped before the division by w: no point behind the centre is ever projected.
-    var t0 = t_start;
-    var t1 = INFINITE;
-    for (var k = 0u; k < 6u; k++) {
-        var a = origin.w;
-        var b = direction.w;
-        if k < 4u {
-            let sign = select(-1.0, 1.0, (k & 1u) == 1u);
-            a += sign * origin[k >> 1u];
-            b += sign * direction[k >> 1u];
-        } else if k == 4u {
-            a = origin.z;
-            b = direction.z;
-        } else {
-            a -= origin.z;
-            b -= direction.z;
-        }
-        if b < 0.0 {
-            let t = -a / b;
-            if t < t1 {
-                t1 = t;
-                r.outcome = select(MAP_FAR, MAP_SIDE + k, k < 4u);
-                if k == 4u {
-                    r.outcome = MAP_NEAR;
-                }
-            }
-        } else if b > 0.0 {
-            t0 = max(t0, -a / b);
-        }
-    }
-    t1 = max(t1, t_start);
-    r.t = t1;
-    if !(t0 < t1) || t1 >= INFINITE || (frame.face_mask & (1u << face)) == 0u {
-        return r;
-    }
-    let p0 = origin + t0 * direction;
-    let p1 = origin + t1 * direction;
-    let i0 = 1.0 / p0.w;
-    let i1 = 1.0 / p1.w;
-    let a = p0.xyz * i0;
-    let b = p1.xyz * i1;
-    let delta = b - a;
-    let pixels = 0.5 * frame.face_resolution * max(abs(delta.x), abs(delta.y));
-    var along = abs(delta.z) / max(length(delta), 1e-30);
-    if !AS_PRINTED {
-        along = 1.0 - along;
-    }
-    let wanted = frame.n_min + along * (frame.n_max - frame.n_min);
-    let n = u32(max(min(wanted, ceil(pixels) + 1.0), 1.0));
-    let step = 1.0 / f32(n);
-    let line = Line(face, a.xy, b.xy, i0, i1);
-    var before = look(line, 0.0);
-    var in_front = before.gap <= before.pixel_size;
-    for (var k = 1u; k <= n; k++) {
-        let s = f32(k) * step;
-        let here = look(line, s);
-        r.samples++;
-        if here.gap < 0.0 {
-            in_front = true;
-            continue;
-        }
-        var hit = here;
-        var at = s;
-        if in_front {
-            // The line has come behind something since the last sample: find where.
-            var low = s - step;
-            for (var j = 0u; j < 8u; j++) {
-                let middle = 0.5 * (low + at);
-                let between = look(line, middle);
-                r.samples++;
-                if between.gap >= 0.0 {
-                    at = middle;
-                    hit = between;
-                } else {
-                    low = middle;
-                }
-            }
-        }
-        // What one pixel and the last interval leave open.
-        let doubt = 4.0 * hit.pixel_size + 2.0 * abs(hit.w - 1.0 / mix(i0, i1, at - step / 256.0));
-        if hit.gap <= thickness_of(face, hit.pixel) + doubt && !leaves(face, hit, ray) {
-            r.outcome = MAP_HIT;
-            r.at = mix(a.xy, b.xy, at);
-            r.pixel = hit.pixel;
-            r.depth = hit.w - hit.gap;
-            r.t = mix(t0 * i0, t1 * i1, at) * hit.w;
-            return r;
-        }
-        if in_front && hit.gap > doubt {
-            r.behind = true;
-            if !GO_ON {
-                r.outcome = MAP_BEHIND;
-                return r;
-            }
-        }
-        in_front = here.gap <= here.pixel_size;
-    }
-    return r;
 }
 
 // A line in a face between two points in device coordinates, and 1/w at both.
@@ -193,6 +75,9 @@ struct Line {
     b: vec2f,
     i0: f32,
     i1: f32,
+    // The ray's parameter over w at both.
+    t0: f32,
+    t1: f32,
 }
 
 // A point of a line beside the map.
@@ -206,24 +91,39 @@ struct Look {
     pixel_size: f32,
 }
 
-fn look(line: Line, s: f32) -> Look {
+fn look(line: Line, s: f32, layer: u32) -> Look {
     let pixel = pixel_at(mix(line.a, line.b, s));
-    // Along a line 1/w changes linearly in device coordinates.
-    let w = 1.0 / mix(line.i0, line.i1, s);
-    let z = textureLoad(face_depth, pixel, line.face, 0);
+    let w = line_depth(line, s);
+    let z = textureLoad(face_depth, pixel, line.face + 6u * layer, 0);
     let gap = select(w - linear_depth(z), -INFINITE, z >= 1.0);
-    return Look(pixel, gap, w, w * 2.0 * FACE_TANGENT / frame.face_resolution);
+    return Look(pixel, gap, w, w * pixel_slope());
+}
+
+// Along a line 1/w changes linearly in device coordinates.
+fn line_depth(line: Line, s: f32) -> f32 {
+    return 1.0 / mix(line.i0, line.i1, s);
+}
+
+// The end of a march at a surface that the line meets at `s`.
+fn met(result: MarchResult, line: Line, s: f32, found: Look) -> MarchResult {
+    var r = result;
+    r.outcome = MAP_HIT;
+    r.at = mix(line.a, line.b, s);
+    r.pixel = found.pixel;
+    r.depth = found.w - found.gap;
+    r.t = mix(line.t0, line.t1, s) * found.w;
+    return r;
 }
 
 // True if a ray that lies just behind a pixel's surface is on its way out to the front: it started
 // there, and the depth of a whole pixel is known at one point of it only.
-fn leaves(face: u32, hit: Look, d: vec3f) -> bool {
+fn leaves(face: u32, layer: u32, hit: Look, d: vec3f) -> bool {
     let ndc = (vec2f(hit.pixel) + 0.5) / (0.5 * frame.face_resolution) - 1.0;
     let forward = face_forward(face);
     let up = face_up(face);
     let slope = vec2f(ndc.x, -ndc.y) * FACE_TANGENT;
     let toward = normalize(forward + cross(forward, up) * slope.x + up * slope.y);
-    var n = unpack_normal(textureLoad(face_surface, hit.pixel, face, 0).x);
+    var n = unpack_normal(textureLoad(face_surface, hit.pixel, face + 6u * layer, 0).x);
     let cosine = dot(n, toward);
     n = select(n, -n, cosine > 0.0);
     return dot(d, n) >= 0.0 && hit.gap <= 4.0 * hit.pixel_size / max(abs(cosine), 0.01);
@@ -238,8 +138,8 @@ fn map_surface(face: u32, hit: MarchResult, o: vec3f, d: vec3f) -> Surface {
     let slope = hit.at * FACE_TANGENT;
     s.point = frame.center + hit.depth * (forward + right * slope.x + up * slope.y);
     // What the pixel covers of the surface: its depth is known no better.
-    s.clearance = 1.5 * hit.depth * 2.0 * FACE_TANGENT / frame.face_resolution;
-    let pixel = textureLoad(face_surface, hit.pixel, face, 0);
+    s.clearance = 1.5 * hit.depth * pixel_slope();
+    let pixel = textureLoad(face_surface, hit.pixel, face + 6u * hit.layer, 0);
     read_pixel(&s, pixel);
     let n = unpack_normal(pixel.x);
     orient(&s, n, n, d);
@@ -253,6 +153,5 @@ fn start_clearance(s: Surface) -> f32 {
     if !USE_MAP || HOLDS_ALL || in_cube(s.point, frame.traced) {
         return s.clearance;
     }
-    let pixel_size = largest(s.point - frame.center) * 2.0 * FACE_TANGENT / frame.face_resolution;
-    return max(s.clearance, 1.5 * pixel_size);
+    return max(s.clearance, 1.5 * largest(s.point - frame.center) * pixel_slope());
 }

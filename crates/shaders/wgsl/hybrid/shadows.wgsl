@@ -14,8 +14,9 @@ struct Light {
     cos_outer: f32,
     // Clip-space size of a pixel of its map at distance 1 (of a directional light: at all).
     pixel: f32,
-    pad0: f32,
-    pad1: f32,
+    // 1, or 6 for those around it.
+    maps: u32,
+    pad: u32,
 }
 
 const LIGHT_POINT = 0u;
@@ -57,14 +58,14 @@ fn cube_layer(d: vec3f) -> u32 {
 fn map_share(light: Light, point: vec3f, normal: vec3f, slack: f32) -> f32 {
     var layer = light.layer;
     let away = point - light.position;
-    if light.kind != LIGHT_DIRECTIONAL {
+    var span = light.pixel;
+    if light.maps > 1u {
         layer += cube_layer(away);
+        span *= largest(away);
+    } else if light.kind != LIGHT_DIRECTIONAL {
+        span *= abs(dot(away, light.direction));
     }
     let view = shadow_views[layer];
-    var span = light.pixel;
-    if light.kind != LIGHT_DIRECTIONAL {
-        span *= largest(away);
-    }
     // Off the surface by as much as a pixel covers of it.
     let lifted = point + normal * (span * slack);
     let clip = view.matrix * vec4f(lifted - view.eye, 1.0);

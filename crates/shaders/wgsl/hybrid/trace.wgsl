@@ -1,5 +1,5 @@
 //!import hybrid/primary
-//!import hybrid/map
+//!import hybrid/march
 // Following rays from surface to surface, through the tree of the near region and the faces of the
 // cube map, until they end at surfaces that send none on, in the sky or at the greatest depth
 // (Ganestam and Doggett 2014, section 3.4).
@@ -32,13 +32,16 @@ const END_BEHIND = 3u;
 var<private> n_tree: u32;
 var<private> n_faces: u32;
 var<private> n_samples: u32;
+var<private> n_cells: u32;
 var<private> n_hops: u32;
 var<private> n_returns: u32;
 var<private> n_tree_hits: u32;
 var<private> n_map_hits: u32;
+var<private> n_second: u32;
 var<private> n_sky: u32;
 var<private> n_behind: u32;
-var<private> end_face: u32;
+// Array layer of the cube map in which the last march ended.
+var<private> end_layer: u32;
 
 // How often a ray may change between faces and the near region: any straight line crosses each
 // border once, so only rounding at corners takes more.
@@ -94,9 +97,11 @@ fn follow(o: vec3f, d: vec3f, result: ptr<function, Surface>) -> u32 {
         n_faces++;
         let r = march(face, clip_origin, clip_direction, t, d);
         n_samples += r.samples;
+        n_cells += r.cells;
         was_behind = was_behind || r.behind;
-        end_face = face;
+        end_layer = 6u * r.layer + face;
         if r.outcome == MAP_HIT {
+            n_second += r.layer;
             *result = map_surface(face, r, o, d);
             return END_MAP;
         }
@@ -127,7 +132,10 @@ fn debug_color(end: u32) -> vec3f {
         return vec3f(0.1, 0.2, 1.0);
     }
     if end == END_MAP {
-        return vec3f(1.0, 0.05 + 0.1 * f32(end_face), 0.05);
+        if end_layer >= 6u {
+            return vec3f(0.1, 0.5 + 0.08 * f32(end_layer - 6u), 0.05);
+        }
+        return vec3f(1.0, 0.05 + 0.1 * f32(end_layer), 0.05);
     }
     if end == END_BEHIND {
         return vec3f(1.0, 0.0, 1.0);
@@ -154,7 +162,7 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     var n_continued = 0u;
     var n_cut = 0u;
     var first_end = 99u;
-    var first_face = 0u;
+    var first_layer = 0u;
 
     // The first surface is the one that the pixel shows; it has been shaded.
     var d = primary_direction(x, y);
@@ -230,7 +238,7 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
             }
             if first_end == 99u {
                 first_end = end;
-                first_face = end_face;
+                first_layer = end_layer;
             }
             if end == END_TREE || end == END_MAP {
                 n_tree_hits += u32(end == END_TREE);
@@ -255,10 +263,10 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     }
     var color = image[at].xyz + radiance;
     if DEBUG_VIEW == 1u && first_end != 99u {
-        end_face = first_face;
+        end_layer = first_layer;
         color = debug_color(first_end);
     } else if DEBUG_VIEW == 3u {
-        color = vec3f(f32(n_samples) / 512.0);
+        color = vec3f(f32(n_samples + n_cells) / 512.0);
     }
     image[at] = vec4f(color, 1.0);
     count(C_REFLECTED, n_reflected);
@@ -275,6 +283,8 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     count(C_SKY, n_sky);
     count(C_BEHIND, n_behind);
     count(C_CUT, n_cut);
+    count(C_CELLS, n_cells);
+    count(C_SECOND, n_second);
 }
 
 // True if a ray of this weight is followed.

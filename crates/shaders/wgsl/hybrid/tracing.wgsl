@@ -31,6 +31,8 @@ struct TreeHit {
     u: f32,
     v: f32,
     triangle: u32,
+    // What the surfaces on the way to a light let pass.
+    share: f32,
 }
 
 // What the triangle test needs of a ray (Woop, Benthin and Wald 2013): the axis along which it is
@@ -124,9 +126,10 @@ fn meets(span: vec2f, t_min: f32, t_max: f32) -> bool {
     return max(span.x, t_min) <= min(span.y, t_max);
 }
 
-// The closest hit between t_min and t_max that alpha does not cut out.
-fn closest(o: vec3f, d: vec3f, t_min: f32, t_max: f32) -> TreeHit {
-    var hit = TreeHit(t_max, 0.0, 0.0, NO_TRIANGLE);
+// The closest hit between t_min and t_max that alpha does not cut out, and that alone; or, on the
+// way to a light, the share of it that surfaces leave.
+fn traverse(o: vec3f, d: vec3f, t_min: f32, t_max: f32, to_light: bool) -> TreeHit {
+    var hit = TreeHit(t_max, 0.0, 0.0, NO_TRIANGLE, 1.0);
     let inverse = inverse_direction(d);
     let shear = shear_of(d);
     let kz_direction = d[shear.kz];
@@ -143,12 +146,24 @@ fn closest(o: vec3f, d: vec3f, t_min: f32, t_max: f32) -> TreeHit {
             for (var i = node.first; i < node.first + node.count; i++) {
                 let triangle = leaf_triangles[i];
                 let h = meet_triangle(o, shear, kz_direction, triangle);
-                // Among equals the first triangle, so that the order of the tree does not matter.
-                let nearer = h.x < hit.t || (h.x == hit.t && triangle < hit.triangle);
-                if h.x >= t_min && nearer && h.x < t_max {
-                    if !ALPHA || opacity_at(triangle, h.y, h.z) > 0.0 {
-                        hit = TreeHit(h.x, h.y, h.z, triangle);
+                if !(h.x >= t_min && h.x <= hit.t) {
+                    continue;
+                }
+                if to_light {
+                    var rest = 0.0;
+                    if ALPHA {
+                        rest = hit.share * (1.0 - opacity_at(triangle, h.y, h.z));
                     }
+                    hit.share = max(rest, 0.0);
+                    if hit.share <= 0.0 {
+                        return hit;
+                    }
+                    continue;
+                }
+                // Among equals the first triangle, so that the order of the tree does not matter.
+                let nearer = h.x < hit.t || triangle < hit.triangle;
+                if nearer && h.x < t_max && (!ALPHA || opacity_at(triangle, h.y, h.z) > 0.0) {
+                    hit = TreeHit(h.x, h.y, h.z, triangle, 1.0);
                 }
             }
         } else {
@@ -181,62 +196,12 @@ fn closest(o: vec3f, d: vec3f, t_min: f32, t_max: f32) -> TreeHit {
     return hit;
 }
 
-// The share of light that nothing between t_min and t_max holds back.
+fn closest(o: vec3f, d: vec3f, t_min: f32, t_max: f32) -> TreeHit {
+    return traverse(o, d, t_min, t_max, false);
+}
+
 fn open_share(o: vec3f, d: vec3f, t_min: f32, t_max: f32) -> f32 {
-    let inverse = inverse_direction(d);
-    let shear = shear_of(d);
-    let kz_direction = d[shear.kz];
-    var stack: array<u32, TREE_STACK>;
-    var size = 0u;
-    var at = 0u;
-    var share = 1.0;
-    if !meets(slab(nodes[0].low, nodes[0].high, o, inverse), t_min, t_max) {
-        return share;
-    }
-    loop {
-        let node = nodes[at];
-        var next = NO_TRIANGLE;
-        if node.count > 0u {
-            for (var i = node.first; i < node.first + node.count; i++) {
-                let triangle = leaf_triangles[i];
-                let h = meet_triangle(o, shear, kz_direction, triangle);
-                if h.x >= t_min && h.x <= t_max {
-                    if !ALPHA {
-                        return 0.0;
-                    }
-                    share *= 1.0 - opacity_at(triangle, h.y, h.z);
-                    if share <= 0.0 {
-                        return 0.0;
-                    }
-                }
-            }
-        } else {
-            let a = slab(nodes[node.first].low, nodes[node.first].high, o, inverse);
-            let b = slab(nodes[node.first + 1u].low, nodes[node.first + 1u].high, o, inverse);
-            let in_a = meets(a, t_min, t_max);
-            let in_b = meets(b, t_min, t_max);
-            if in_a && in_b {
-                next = node.first;
-                if size < TREE_STACK {
-                    stack[size] = node.first + 1u;
-                    size++;
-                }
-            } else if in_a {
-                next = node.first;
-            } else if in_b {
-                next = node.first + 1u;
-            }
-        }
-        if next == NO_TRIANGLE {
-            if size == 0u {
-                break;
-            }
-            size--;
-            next = stack[size];
-        }
-        at = next;
-    }
-    return share;
+    return traverse(o, d, t_min, t_max, true).share;
 }
 
 fn largest(v: vec3f) -> f32 {

@@ -62,12 +62,13 @@ fn dots<'a>(points: &[(&'a str, &'a str, f64, f64)]) -> Vec<Dot<'a>> {
         x,
         y,
         on_front,
+        named: true,
     };
     points.iter().copied().zip(pareto_front(&costs)).map(dot).collect()
 }
 
 fn look(axes: (&'static str, &'static str), least: (f64, &'static str)) -> Look<'static> {
-    Look { axes, least: Some(least), all_labels: true }
+    Look { axes, least: Some(least), loose: &[] }
 }
 
 fn time_of(summary: &Summary, rays: &str) -> Option<f64> {

@@ -1,0 +1,114 @@
+//! Recording what makes the cube map: its faces, their second layer and the pyramid over their
+//! depth.
+
+use super::{
+    HybridRenderer, Scenery,
+    record::{Raster, Recorder, Views},
+};
+use crate::{Effect, Face, HybridError, pipelines::Target, report::Stage};
+use niwaki_core::to_u32;
+
+impl HybridRenderer {
+    /// The faces that the plan names, and what is made from them.
+    pub(super) fn draw_cube(
+        &self,
+        recorder: &mut Recorder<'_>,
+        scenery: &Scenery,
+        views: &Views,
+    ) -> Result<(), HybridError> {
+        let plan = &scenery.plan;
+        let drawn: Vec<Face> =
+            Face::ALL.into_iter().filter(|f| plan.runs(Effect::CubeFace(*f))).collect();
+        if drawn.is_empty() {
+            return Ok(());
+        }
+        self.draw_faces(recorder, scenery, views, &drawn)?;
+        if plan.runs(Effect::SecondLayer) {
+            self.draw_second(recorder, scenery, views, &drawn)?;
+        }
+        if plan.runs(Effect::DepthPyramid) {
+            let layers = 0..self.cube.layers;
+            let layers: Vec<u32> = layers
+                .flat_map(|layer| drawn.iter().map(move |f| 6 * layer + to_u32(f.index())))
+                .collect();
+            let build = self.pyramid.prepare(
+                &self.gpu,
+                &self.pipelines,
+                &self.uploaded,
+                &self.cube,
+                &layers,
+            )?;
+            recorder.stage(Stage::Effect(Effect::DepthPyramid), |encoder| {
+                [0, build.record(encoder, &self.uploaded.group)]
+            });
+        }
+        Ok(())
+    }
+
+    fn draw_faces(
+        &self,
+        recorder: &mut Recorder<'_>,
+        scenery: &Scenery,
+        views: &Views,
+        drawn: &[Face],
+    ) -> Result<(), HybridError> {
+        let layout = &self.uploaded.layout;
+        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Face, scenery.variant)?;
+        for face in drawn {
+            let i = face.index();
+            recorder.stage(Stage::Effect(Effect::CubeFace(*face)), |encoder| {
+                let shown = scenery.plan.in_faces[i].iter().copied();
+                let raster = Raster {
+                    pipeline: &pipeline,
+                    colors: &[&self.cube.surface.each[i]],
+                    depth: &self.cube.depth.each[i],
+                    clear_depth: 1.0,
+                    view: 1 + to_u32(i),
+                    draws: &Self::ranges(scenery, shown),
+                    inputs: None,
+                };
+                [self.raster(encoder, views, &raster), 0]
+            });
+        }
+        Ok(())
+    }
+
+    /// Draws the faces again, without what the first layer shows and its thickness (depth peeling,
+    /// Everitt 2001).
+    fn draw_second(
+        &self,
+        recorder: &mut Recorder<'_>,
+        scenery: &Scenery,
+        views: &Views,
+        drawn: &[Face],
+    ) -> Result<(), HybridError> {
+        let layout = &self.uploaded.layout;
+        let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Second, scenery.variant)?;
+        recorder.stage(Stage::Effect(Effect::SecondLayer), |encoder| {
+            let mut draws = 0;
+            for face in drawn {
+                let i = face.index();
+                let first = self.gpu.bind(
+                    &self.pipelines.first_layer_layout,
+                    &[
+                        wgpu::BindingResource::TextureView(&self.cube.depth.each[i]),
+                        wgpu::BindingResource::TextureView(&self.cube.surface.each[i]),
+                    ],
+                );
+                let shown = scenery.plan.in_faces[i].iter().copied();
+                let raster = Raster {
+                    pipeline: &pipeline,
+                    colors: &[&self.cube.surface.each[6 + i]],
+                    depth: &self.cube.depth.each[6 + i],
+                    clear_depth: 1.0,
+                    view: 1 + to_u32(i),
+                    draws: &Self::ranges(scenery, shown),
+                    inputs: Some(&first),
+                };
+                draws += self.raster(encoder, views, &raster);
+            }
+            [draws, 0]
+        });
+        Ok(())
+    }
+}
