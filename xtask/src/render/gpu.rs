@@ -6,7 +6,7 @@ use super::{
     counted,
 };
 use anyhow::Result;
-use niwaki_hybrid::{Counters, DebugView, Gpu, HybridRenderer, NearRegion, Settings};
+use niwaki_hybrid::{DebugView, FrameReport, Gpu, HybridRenderer, NearRegion, Settings};
 use niwaki_scene::{Camera, Scene};
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ impl OnGpu {
 }
 
 /// What the arguments ask for.
-fn settings(args: &RenderArgs) -> Settings {
+pub(super) fn settings(args: &RenderArgs) -> Settings {
     let preset = match args.preset {
         Preset::Fast => Settings::fast(),
         Preset::Default => Settings::default(),
@@ -66,19 +66,8 @@ impl Draw for OnGpu {
         }
         let frame = self.renderer.render(camera, width, height, time)?;
         progress(1, 1);
-        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
-        let mut parts: Vec<Part> = frame
-            .report
-            .stages
-            .iter()
-            .filter_map(|s| Some(Part { name: s.stage.to_string(), ms: ms(s.gpu_time?) }))
-            .collect();
-        let named: f64 = parts.iter().map(|part| part.ms).sum();
-        // Recording commands, waiting, and all of it on a device without timestamps.
-        let rest = (ms(frame.report.total) - named).max(0.0);
-        parts.push(Part { name: "host".into(), ms: rest });
-        let triangles = frame.report.region_triangles;
-        Ok(Drawn { image: frame.image, parts, counts: counts(&frame.report.counters, triangles) })
+        let counts = counted(counted_rays(&frame.report));
+        Ok(Drawn { image: frame.image, parts: parts(&frame.report), counts })
     }
 
     fn explain(&self, camera: &Camera, time: f64) -> String {
@@ -86,9 +75,26 @@ impl Draw for OnGpu {
     }
 }
 
-fn counts(counters: &Counters, triangles: u32) -> Vec<super::Count> {
-    counted([
-        ("triangles in the tree", triangles.into()),
+/// The parts of a frame and how long they took.
+pub(super) fn parts(report: &FrameReport) -> Vec<Part> {
+    let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+    let mut parts: Vec<Part> = report
+        .stages
+        .iter()
+        .filter_map(|s| Some(Part { name: s.stage.to_string(), ms: ms(s.gpu_time?) }))
+        .collect();
+    let named: f64 = parts.iter().map(|part| part.ms).sum();
+    // Recording commands, waiting, and all of it on a device without timestamps.
+    let rest = (ms(report.total) - named).max(0.0);
+    parts.push(Part { name: "host".into(), ms: rest });
+    parts
+}
+
+/// What a frame counted, by name.
+pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 17] {
+    let counters = &report.counters;
+    [
+        ("triangles in the tree", report.region_triangles.into()),
         ("pixels with a surface", counters.primary_pixels),
         ("pixels that send rays", counters.spawning_pixels),
         ("reflected rays", counters.reflected_rays),
@@ -105,5 +111,5 @@ fn counts(counters: &Counters, triangles: u32) -> Vec<super::Count> {
         ("ended in the sky", counters.sky_misses),
         ("ended behind a surface", counters.behind_misses),
         ("rays left out", counters.cut_rays),
-    ])
+    ]
 }

@@ -4,6 +4,8 @@ mod args;
 mod cpu;
 mod frames;
 mod gpu;
+#[cfg(feature = "window")]
+mod window;
 
 pub(crate) use args::RenderArgs;
 
@@ -51,8 +53,26 @@ struct Drawn {
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
+    if args.window {
+        return in_window(args, &spec);
+    }
     let threads = args.threads.map_or_else(machine::cores, usize::from);
     pool(threads)?.install(|| draw_all(args, &spec, threads))
+}
+
+/// Shows the scene in a window. Not within a pool of threads: windows belong to the main thread.
+#[cfg(feature = "window")]
+fn in_window(args: &RenderArgs, spec: &SceneSpec) -> Result<ExitCode> {
+    window::run(args, spec)
+}
+
+#[cfg(not(feature = "window"))]
+fn in_window(_: &RenderArgs, _: &SceneSpec) -> Result<ExitCode> {
+    anyhow::bail!(
+        "windows are not part of this program, so that it needs no display to be built: \
+         say `cargo xtask-window` instead of `cargo xtask`, or leave --window out for pictures \
+         in files"
+    )
 }
 
 fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitCode> {
@@ -62,7 +82,7 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let progress = Progress::new(args.frames as usize * STEPS);
     progress.message(&format!("load {}", spec.describe()));
-    let scene = Arc::new(spec.load(args.seed)?);
+    let scene = Arc::new(spec.load_moving(args.seed, args.animation)?);
     let mut frames = Frames::new(spec, &scene, args, threads);
     let mut drawer: Box<dyn Draw> = match args.mode {
         Mode::Hybrid | Mode::FullBvh => {
