@@ -4,6 +4,12 @@ mod args;
 mod cpu;
 mod frames;
 mod gpu;
+#[cfg(any(test, feature = "window"))]
+#[cfg_attr(
+    not(feature = "window"),
+    allow(dead_code, unused_imports, reason = "tests need no window")
+)]
+mod steer;
 #[cfg(feature = "window")]
 mod window;
 

@@ -1,40 +1,7 @@
 //! What keys do.
 
-use super::fly::Go;
+use crate::render::steer::{Ask, Go};
 use winit::keyboard::KeyCode;
-
-/// What a key asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ask {
-    Go(Go),
-    /// Shift: faster.
-    Fast,
-    NextMode,
-    NextView,
-    /// A preset by its place in the list.
-    Preset(usize),
-    NextMarch,
-    NextShadows,
-    NextBehind,
-    /// Larger or smaller by one step.
-    Region(i32),
-    Map(i32),
-    Depth(i32),
-    Scale(i32),
-    Exposure(i32),
-    Pause,
-    /// Forward or back by one frame.
-    Step(i32),
-    FollowPath,
-    PathAnew,
-    Reload,
-    Picture,
-    Times,
-    Plan,
-    Help,
-    FullScreen,
-    Quit,
-}
 
 /// A line of the help.
 pub(super) struct Line {
@@ -139,13 +106,6 @@ pub(super) const fn ask(key: KeyCode) -> Option<Ask> {
         KeyCode::Escape => Ask::Quit,
         _ => return None,
     })
-}
-
-impl Ask {
-    /// True if holding the key down asks again and again.
-    pub(super) const fn repeats(self) -> bool {
-        matches!(self, Self::Step(_) | Self::Region(_) | Self::Exposure(_))
-    }
 }
 
 #[cfg(test)]

@@ -1,18 +1,17 @@
 //! `cargo xtask render --window`: a scene to walk through, drawn by the hybrid renderer.
 
-mod clock;
-mod controls;
-mod fly;
 mod keys;
 mod overlay;
 mod present;
 mod text;
 mod view;
 
-use super::args::{Mode, RenderArgs};
+use super::{
+    args::{Mode, RenderArgs},
+    steer::Ask,
+};
 use crate::scenes::SceneSpec;
 use anyhow::{Context, Result, anyhow, bail};
-use keys::Ask;
 use niwaki_scene::Scene;
 use std::{process::ExitCode, sync::Arc, time::Instant};
 use view::View;

@@ -1,11 +1,10 @@
 //! What stands over the picture: times, settings, the plan, help.
 
 use super::{
-    controls::Controls,
     keys::HELP,
     text::{Corner, Ink, Lines, Page},
 };
-use crate::render::frames::Part;
+use crate::render::{frames::Part, steer::Controls};
 
 /// What is written.
 pub(super) struct Report<'a> {

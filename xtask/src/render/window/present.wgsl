@@ -100,19 +100,19 @@ fn written(at: vec2i, under: vec3f) -> vec3f {
             continue;
         }
         c *= BACK;
-        let dot = inside / i32(panel.zoom) - margin;
-        if any(dot < vec2i(0)) || any(dot >= size - 2 * margin) {
+        let point = inside / i32(panel.zoom) - margin;
+        if any(point < vec2i(0)) || any(point >= size - 2 * margin) {
             continue;
         }
-        let cell = dot / GLYPH;
-        let within = dot - cell * GLYPH;
+        let cell = point / GLYPH;
+        let within = point - cell * GLYPH;
         let word = cells[panel.first + u32(cell.y) * panel.cells.x + u32(cell.x)];
         let covered = (word >> 16u) & 0xffu;
         if u32(within.x) * 16u < covered * u32(GLYPH.x) && within.y > 1 && within.y < 11 {
             c = BAR;
         }
         let row = font[((word & 0xffu) - 32u) * u32(GLYPH.y) + u32(within.y)];
-        if (row >> u32(within.x) & 1u) != 0u {
+        if ((row >> u32(within.x)) & 1u) != 0u {
             c = ink((word >> 8u) & 0xffu);
         }
     }

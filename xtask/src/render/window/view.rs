@@ -2,10 +2,6 @@
 
 use super::{
     WITHOUT,
-    clock::{Clock, RATE},
-    controls::Controls,
-    fly::{Fly, Go},
-    keys::Ask,
     overlay::{self, Report},
     present::{Presenter, Shown},
 };
@@ -14,11 +10,12 @@ use crate::{
         args::RenderArgs,
         frames::Part,
         gpu::{counted_rays, parts},
+        steer::{Ask, Clock, Controls, Fly, Go, RATE},
     },
     report::slug,
 };
 use anyhow::{Context, Result, anyhow};
-use niwaki_hybrid::{EffectPlan, FrameReport, Gpu, HybridRenderer};
+use niwaki_hybrid::{EffectPlan, FrameReport, Gpu, HybridError, HybridRenderer};
 use niwaki_render::{Exposure, ToneCurve};
 use niwaki_scene::{Camera, CameraPath, Scene};
 use std::{path::PathBuf, sync::Arc, time::Instant};
@@ -36,6 +33,8 @@ pub(super) struct View {
     renderer: HybridRenderer,
     presenter: Presenter,
     controls: Controls,
+    /// What the last frame was drawn with.
+    good: Controls,
     scene: Arc<Scene>,
     fly: Fly,
     path: CameraPath,
@@ -90,6 +89,7 @@ impl View {
         let fly = Fly::new(first, path.up, scene.mesh.bounds());
         Ok(Self {
             presenter,
+            good: controls.clone(),
             controls,
             fly,
             along: along(&path),
@@ -172,6 +172,9 @@ impl View {
     /// Does what a key asks for.
     pub(super) fn ask(&mut self, ask: Ask) {
         match ask {
+            Ask::Pause | Ask::Step(_) if self.scene.animation.is_none() => {
+                self.say(String::from("nothing moves in this scene"));
+            }
             Ask::Pause => self.clock.runs = !self.clock.runs,
             Ask::Step(frames) => {
                 self.clock.step(frames.into());
@@ -239,11 +242,30 @@ impl View {
         if self.stale {
             let [width, height] = window.map(|side| side.div_ceil(self.controls.scale));
             let camera = self.fly.camera();
-            let (plan, report) = self.renderer.draw(&camera, width, height, self.clock.time)?;
-            self.last = Some(Last { plan, report });
-            self.stale = false;
+            match self.renderer.draw(&camera, width, height, self.clock.time) {
+                Ok((plan, report)) => {
+                    self.last = Some(Last { plan, report });
+                    self.good = self.controls.clone();
+                    self.stale = false;
+                }
+                Err(error) => self.step_back(error)?,
+            }
         }
         self.present(window, scale)
+    }
+
+    /// Goes back to the settings of the last good frame, if others are what is wrong.
+    fn step_back(&mut self, error: HybridError) -> Result<()> {
+        let lost = matches!(error, HybridError::DeviceLost(_));
+        let same = self.good.settings() == self.controls.settings()
+            && self.good.scale == self.controls.scale;
+        if lost || same {
+            return Err(error.into());
+        }
+        self.controls = self.good.clone();
+        self.renderer.set_settings(self.controls.settings().clone());
+        self.say(error.to_string());
+        Ok(())
     }
 
     fn present(&mut self, window: [u32; 2], scale: f64) -> Result<()> {
@@ -280,6 +302,10 @@ impl View {
             shoulder: self.controls.is_rendering(),
         });
         self.missed = !self.presenter.present(shown, &page)?;
+        if self.missed {
+            // A window that cannot be seen has no hurry.
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! What keys set: the renderer's settings and how the picture is shown.
 
-use super::keys::Ask;
+use super::Ask;
 use crate::render::{
     args::{Mode, Preset, RenderArgs, View},
     gpu,
@@ -26,23 +26,23 @@ const COARSEST: u32 = 16;
 
 /// What is rendered, and how it is shown.
 #[derive(Clone, Debug)]
-pub(super) struct Controls {
+pub(in crate::render) struct Controls {
     args: RenderArgs,
     /// Of the settings that are not the preset's, those that keys changed.
     changed: Settings,
     /// Pixels of the window a side of one that is rendered.
-    pub(super) scale: u32,
+    pub(in crate::render) scale: u32,
     /// Brighter than middle grey by so many stops; [`Controls::stops`] where the command line
     /// says how bright.
     bias: f32,
-    pub(super) times: bool,
-    pub(super) plan: bool,
-    pub(super) help: bool,
+    pub(in crate::render) times: bool,
+    pub(in crate::render) plan: bool,
+    pub(in crate::render) help: bool,
 }
 
 impl Controls {
     /// As the command line says.
-    pub(super) fn new(args: &RenderArgs, scale: u32) -> Self {
+    pub(in crate::render) fn new(args: &RenderArgs, scale: u32) -> Self {
         Self {
             args: args.clone(),
             changed: gpu::settings(args),
@@ -55,12 +55,12 @@ impl Controls {
     }
 
     /// What the renderer is told.
-    pub(super) fn settings(&self) -> &Settings {
+    pub(in crate::render) fn settings(&self) -> &Settings {
         &self.changed
     }
 
     /// Does what a key asks for, if it is about these. True if the renderer has to be told.
-    pub(super) fn apply(&mut self, ask: Ask) -> bool {
+    pub(in crate::render) fn apply(&mut self, ask: Ask) -> bool {
         let before = self.changed.clone();
         match ask {
             Ask::NextMode => {
@@ -128,29 +128,29 @@ impl Controls {
     }
 
     /// The exposure in stops, if the command line set one.
-    pub(super) fn stops(&self) -> Option<f32> {
+    pub(in crate::render) fn stops(&self) -> Option<f32> {
         // Debug views are shown as they are.
         let plain = (!self.is_rendering()).then_some(0.0);
         plain.or_else(|| self.args.exposure.map(|stops| stops + self.bias))
     }
 
     /// Stops from middle grey.
-    pub(super) fn bias(&self) -> f32 {
+    pub(in crate::render) fn bias(&self) -> f32 {
         self.bias
     }
 
     /// True if the picture is the rendering, not a debug view.
-    pub(super) fn is_rendering(&self) -> bool {
+    pub(in crate::render) fn is_rendering(&self) -> bool {
         self.args.debug_view == View::Image
     }
 
     /// Mode, for file names and tables.
-    pub(super) fn mode(&self) -> String {
+    pub(in crate::render) fn mode(&self) -> String {
         self.args.mode.name()
     }
 
     /// What is set, a line each: its keys, its name, its value.
-    pub(super) fn lines(&self) -> Vec<[String; 3]> {
+    pub(in crate::render) fn lines(&self) -> Vec<[String; 3]> {
         let s = &self.changed;
         let march = format!("{:?}, {} to {} samples", s.march.rule, s.march.n_min, s.march.n_max);
         let region = match s.near_region {

@@ -1,7 +1,7 @@
 //! The time of the scene, and the place on the camera's path.
 
 /// Frames a second of an animation that is stepped through, and of camera paths.
-pub(super) const RATE: f64 = 30.0;
+pub(in crate::render) const RATE: f64 = 30.0;
 
 /// The longest that may pass between two frames of the window in seconds; on a slower device the
 /// scene moves more slowly, so that nothing is missed.
@@ -9,30 +9,30 @@ const LONGEST: f64 = 0.25;
 
 /// Time that can be stopped.
 #[derive(Clone, Debug)]
-pub(super) struct Clock {
+pub(in crate::render) struct Clock {
     /// Seconds since the beginning.
-    pub(super) time: f64,
-    pub(super) runs: bool,
+    pub(in crate::render) time: f64,
+    pub(in crate::render) runs: bool,
     /// After how many seconds it begins anew, if it does.
-    pub(super) around: Option<f64>,
+    pub(in crate::render) around: Option<f64>,
 }
 
 impl Clock {
     /// At its beginning.
-    pub(super) fn new(runs: bool, around: Option<f64>) -> Self {
+    pub(in crate::render) fn new(runs: bool, around: Option<f64>) -> Self {
         let around = around.filter(|seconds| *seconds > 0.0 && seconds.is_finite());
         Self { time: 0.0, runs, around }
     }
 
     /// Lets so many seconds pass, if it runs.
-    pub(super) fn pass(&mut self, seconds: f64) {
+    pub(in crate::render) fn pass(&mut self, seconds: f64) {
         if self.runs && seconds > 0.0 {
             self.set(self.time + seconds.min(LONGEST));
         }
     }
 
     /// Stops, a number of frames from here.
-    pub(super) fn step(&mut self, frames: f64) {
+    pub(in crate::render) fn step(&mut self, frames: f64) {
         self.runs = false;
         self.set(self.time + frames / RATE);
     }

@@ -20,7 +20,7 @@ const FAST: f64 = 4.0;
 
 /// Directions in which keys move the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Go {
+pub(in crate::render) enum Go {
     Forward,
     Back,
     Left,
@@ -40,7 +40,7 @@ impl Go {
 
 /// Position and direction of a camera, and the keys that move it.
 #[derive(Clone, Debug)]
-pub(super) struct Fly {
+pub(in crate::render) struct Fly {
     position: DVec3,
     /// Angle around `up` from `east`, and above the horizon; radians.
     yaw: f64,
@@ -56,12 +56,12 @@ pub(super) struct Fly {
     held: u8,
     /// Keys that went down since the last frame.
     tapped: u8,
-    pub(super) fast: bool,
+    pub(in crate::render) fast: bool,
 }
 
 impl Fly {
     /// A camera that takes about eight seconds through the bounds; `up` is that of the scene.
-    pub(super) fn new(camera: &Camera, up: Vec3, bounds: Aabb) -> Self {
+    pub(in crate::render) fn new(camera: &Camera, up: Vec3, bounds: Aabb) -> Self {
         let up = up.as_dvec3().try_normalize().unwrap_or(DVec3::Y);
         let east = up.any_orthonormal_vector();
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
@@ -84,7 +84,7 @@ impl Fly {
     }
 
     /// Stands where a camera stands and looks where it looks, upright.
-    pub(super) fn place(&mut self, camera: &Camera) {
+    pub(in crate::render) fn place(&mut self, camera: &Camera) {
         let forward = camera.forward.as_dvec3().try_normalize().unwrap_or(self.east);
         let level = DVec2::new(forward.dot(self.east), forward.dot(self.south));
         // Straight up or down says nothing about the horizon.
@@ -97,7 +97,7 @@ impl Fly {
         self.vertical_fov = camera.vertical_fov;
     }
 
-    pub(super) fn camera(&self) -> Camera {
+    pub(in crate::render) fn camera(&self) -> Camera {
         let limit = DVec3::splat(f64::from(f32::MAX));
         let position = self.position.clamp(-limit, limit).as_vec3();
         Camera::facing(position, self.forward(), self.up.as_vec3(), self.vertical_fov)
@@ -115,7 +115,7 @@ impl Fly {
     }
 
     /// A key goes down or up.
-    pub(super) fn key(&mut self, go: Go, down: bool) {
+    pub(in crate::render) fn key(&mut self, go: Go, down: bool) {
         if down {
             self.tapped |= go.bit();
             self.held |= go.bit();
@@ -125,17 +125,17 @@ impl Fly {
     }
 
     /// All keys go up: the window is no longer the one that hears of them.
-    pub(super) fn release(&mut self) {
+    pub(in crate::render) fn release(&mut self) {
         (self.held, self.tapped, self.fast) = (0, 0, false);
     }
 
     /// True if keys move it.
-    pub(super) const fn moves(&self) -> bool {
+    pub(in crate::render) const fn moves(&self) -> bool {
         self.held | self.tapped != 0
     }
 
     /// Turns as a mouse drags the picture by so many pixels of a window this high.
-    pub(super) fn look(&mut self, right: f64, down: f64, height: u32) {
+    pub(in crate::render) fn look(&mut self, right: f64, down: f64, height: u32) {
         // The point under the mouse stays under it, at the middle of the picture.
         let angle = f64::from(self.vertical_fov) / f64::from(height.max(1));
         if right.is_finite() && down.is_finite() {
@@ -147,18 +147,18 @@ impl Fly {
     }
 
     /// Faster or slower by so many steps.
-    pub(super) fn shift_gear(&mut self, steps: f64) {
+    pub(in crate::render) fn shift_gear(&mut self, steps: f64) {
         if steps.is_finite() {
             self.speed = (self.speed * 1.25_f64.powf(steps)).clamp(1e-12, 1e30);
         }
     }
 
-    pub(super) const fn speed(&self) -> f64 {
+    pub(in crate::render) const fn speed(&self) -> f64 {
         self.speed
     }
 
     /// Moves by what keys say in so many seconds.
-    pub(super) fn step(&mut self, seconds: f64) {
+    pub(in crate::render) fn step(&mut self, seconds: f64) {
         let seconds = if seconds > 0.0 { seconds.min(LONGEST_STEP) } else { 0.0 };
         let forward = self.forward();
         let right = forward.cross(self.up).normalize_or_zero();
