@@ -126,8 +126,14 @@ impl SceneSpec {
 
     /// Loads or generates it. The scene is named like this specification.
     pub(crate) fn load(&self, seed: u64) -> Result<Scene> {
+        self.load_moving(seed, 0)
+    }
+
+    /// Loads or generates it, moved by one of the file's animations.
+    pub(crate) fn load_moving(&self, seed: u64, animation: usize) -> Result<Scene> {
+        let options = LoadOptions { animation: Some(animation), ..LoadOptions::default() };
         let mut scene = match &self.origin {
-            Origin::File(path) => niwaki_scene::load(path, &LoadOptions::default())?,
+            Origin::File(path) => niwaki_scene::load(path, &options)?,
             Origin::Generated { name, triangles } => generate::generate(name, *triangles, seed)
                 .with_context(|| format!("there is no generator `{name}`"))?,
         };

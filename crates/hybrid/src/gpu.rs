@@ -16,6 +16,7 @@ pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) limits: wgpu::Limits,
+    adapter: wgpu::Adapter,
     name: String,
     timestamps: bool,
     fault: Arc<Mutex<Option<HybridError>>>,
@@ -44,8 +45,22 @@ impl Gpu {
     pub fn new() -> Result<Self, HybridError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
-        let instance = wgpu::Instance::new(descriptor);
-        let adapter = choose(&instance)?;
+        Self::open(choose(&wgpu::Instance::new(descriptor), None)?)
+    }
+
+    /// Opens a device of an instance that can draw on a surface of its own: for programs that show
+    /// frames in a window. Devices that cannot are passed over.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`].
+    pub fn with_surface(
+        instance: &wgpu::Instance,
+        surface: &wgpu::Surface<'_>,
+    ) -> Result<Self, HybridError> {
+        Self::open(choose(instance, Some(surface))?)
+    }
+
+    fn open(adapter: wgpu::Adapter) -> Result<Self, HybridError> {
         let name = adapter.get_info().name;
         let needed = wgpu::Features::PRIMITIVE_INDEX;
         let timers =
@@ -93,7 +108,27 @@ impl Gpu {
             // A device that is dropped is "lost" too, but then nobody asks.
             note(&seen, HybridError::DeviceLost(format!("{reason:?} {message}")));
         });
-        Ok(Self { device, queue, limits, name, timestamps, fault, compiled: Arc::default() })
+        let compiled = Arc::default();
+        Ok(Self { device, queue, limits, adapter, name, timestamps, fault, compiled })
+    }
+
+    /// What the device is, and what it offers.
+    #[must_use]
+    pub const fn adapter(&self) -> &wgpu::Adapter {
+        &self.adapter
+    }
+
+    /// The device, for passes of one's own over the renderer's image
+    /// ([`HybridRenderer::output`](crate::HybridRenderer::output)).
+    #[must_use]
+    pub const fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// The queue to which frames are submitted.
+    #[must_use]
+    pub const fn queue(&self) -> &wgpu::Queue {
+        &self.queue
     }
 
     /// The device's name.
@@ -383,12 +418,19 @@ fn note(fault: &Mutex<Option<HybridError>>, error: HybridError) {
     }
 }
 
-fn choose(instance: &wgpu::Instance) -> Result<wgpu::Adapter, HybridError> {
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
-    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+fn choose(
+    instance: &wgpu::Instance,
+    surface: Option<&wgpu::Surface<'_>>,
+) -> Result<wgpu::Adapter, HybridError> {
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
     if adapters.is_empty() {
         return Err(HybridError::NoAdapter("the Vulkan loader lists none".into()));
     }
+    adapters.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
+    if adapters.is_empty() {
+        return Err(HybridError::NoAdapter("none can draw on this window".into()));
+    }
+    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     let position = match std::env::var(DEVICE_VARIABLE) {
         Ok(wanted) if !wanted.is_empty() => {
             let by_number = wanted.parse().ok().filter(|&i: &usize| i < adapters.len());

@@ -284,7 +284,15 @@ pub(crate) struct MovedObject {
     pub(crate) pose: niwaki_scene::ObjectPose,
     pub(crate) first: u32,
     pub(crate) count: u32,
-    pub(crate) pad: [u32; 2],
+    /// Where its influences begin, or [`MovedObject::NO_SKIN`].
+    pub(crate) first_influence: u32,
+    /// Where the joints of its skin begin.
+    pub(crate) first_joint: u32,
+}
+
+impl MovedObject {
+    /// No joints bend the object.
+    pub(crate) const NO_SKIN: u32 = u32::MAX;
 }
 
 const _: () = assert!(
@@ -295,4 +303,6 @@ const _: () = assert!(
         && size_of::<ViewMatrix>() == 80
         && size_of::<FrameUniform>() == 12 * 16 + 30 * 64
         && size_of::<MovedObject>() == 112
+        && size_of::<niwaki_scene::animation::Influence>() == 24
+        && size_of::<niwaki_scene::JointPose>() == 48
 );

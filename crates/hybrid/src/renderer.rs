@@ -18,7 +18,7 @@ use crate::{
 use glam::Vec4;
 use niwaki_core::Aabb;
 use niwaki_render::Image;
-use niwaki_scene::{Camera, Light, ObjectPose, Scene};
+use niwaki_scene::{Camera, Light, Scene, ScenePose};
 use std::{sync::Arc, time::Instant};
 
 /// Renders frames of a scene on a GPU.
@@ -52,7 +52,7 @@ pub struct HybridRenderer {
     /// Lights that shine.
     lights: Vec<Light>,
     kept: Option<Kept>,
-    poses: Option<Vec<ObjectPose>>,
+    pose: Option<ScenePose>,
 }
 
 impl std::fmt::Debug for HybridRenderer {
@@ -70,7 +70,7 @@ impl std::fmt::Debug for HybridRenderer {
 struct Scenery {
     plan: EffectPlan,
     objects: Vec<ObjectFacts>,
-    poses: Vec<ObjectPose>,
+    pose: ScenePose,
     lights: Vec<LightViews>,
     camera: Camera,
     size: [u32; 2],
@@ -97,7 +97,7 @@ impl HybridRenderer {
             tree: NearTree::empty(gpu)?,
             lights: scene.lights.iter().filter(lit).copied().collect(),
             kept: None,
-            poses: None,
+            pose: None,
             scene,
             settings,
         })
@@ -119,8 +119,8 @@ impl HybridRenderer {
     /// What the next frame with this view would do, and why.
     #[must_use]
     pub fn plan(&self, camera: &Camera, width: u32, height: u32, time: f64) -> EffectPlan {
-        let poses = self.scene.poses(time);
-        let objects = self.uploaded.objects_at(&poses, self.poses.as_deref());
+        let pose = self.scene.pose(time);
+        let objects = self.uploaded.objects_at(&self.scene, &pose, self.pose.as_ref());
         self.decide(camera, [width, height], &objects)
     }
 
@@ -168,9 +168,9 @@ impl HybridRenderer {
         check_camera(camera)?;
         // What is kept is known to hold only if this frame succeeds.
         let kept = self.kept.take();
-        let poses = self.poses.take();
+        let pose = self.pose.take();
         let start = Instant::now();
-        let scenery = self.prepare(camera, [width, height], time, kept, poses.as_deref())?;
+        let scenery = self.prepare(camera, [width, height], time, kept, pose.as_ref())?;
         let mut report = if width == 0 || height == 0 {
             self.screen = None;
             FrameReport::default()
@@ -179,7 +179,7 @@ impl HybridRenderer {
         };
         report.total = start.elapsed();
         self.kept = Some(scenery.plan.kept.clone());
-        self.poses = Some(scenery.poses);
+        self.pose = Some(scenery.pose);
         Ok((scenery.plan, report))
     }
 
@@ -196,16 +196,25 @@ impl HybridRenderer {
         Ok(Image::from_pixels(width, height, pixels).unwrap_or_else(|| Image::black(0, 0)))
     }
 
+    /// The image of the last frame on the GPU, and its width and height: a vector of four a pixel
+    /// (linear RGB, the fourth without meaning), rows from the top, to be bound as a read-only
+    /// storage buffer of [`Gpu::device`](crate::Gpu::device). `None` before the first frame and
+    /// after one without pixels.
+    #[must_use]
+    pub fn output(&self) -> Option<(&wgpu::Buffer, [u32; 2])> {
+        self.screen.as_ref().map(|screen| (&screen.image, screen.size))
+    }
+
     fn prepare(
         &mut self,
         camera: &Camera,
         size: [u32; 2],
         time: f64,
         kept: Option<Kept>,
-        last: Option<&[ObjectPose]>,
+        last: Option<&ScenePose>,
     ) -> Result<Scenery, HybridError> {
-        let poses = self.scene.poses(time);
-        let objects = self.uploaded.objects_at(&poses, last);
+        let pose = self.scene.pose(time);
+        let objects = self.uploaded.objects_at(&self.scene, &pose, last);
         self.kept = kept;
         let plan = self.decide(camera, size, &objects);
         self.kept = None;
@@ -213,7 +222,7 @@ impl HybridRenderer {
         let lights = light_views(&self.lights, bounds);
         let textures = self.settings.force_all || self.uploaded.facts.has_textures();
         let variant = Variant::new(&plan, &self.settings, textures);
-        Ok(Scenery { plan, objects, poses, lights, camera: *camera, size, variant })
+        Ok(Scenery { plan, objects, pose, lights, camera: *camera, size, variant })
     }
 
     /// Makes what the plan needs and is not there yet.

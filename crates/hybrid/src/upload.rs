@@ -8,7 +8,7 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 use niwaki_core::to_u32;
-use niwaki_scene::{ObjectPose, Scene, SceneFacts};
+use niwaki_scene::{Animation, ObjectPose, Scene, SceneFacts, ScenePose, animation::Influence};
 use std::ops::Range;
 use wgpu::BufferUsages;
 
@@ -20,8 +20,8 @@ pub(crate) struct GpuScene {
     /// Vertices as they stand in this frame.
     pub(crate) vertices: wgpu::Buffer,
     pub(crate) indices: wgpu::Buffer,
-    /// Vertices at rest; only with dynamic objects.
-    rest: Option<wgpu::Buffer>,
+    /// What dynamic objects are made from; only with such.
+    rest: Option<Rest>,
     materials: wgpu::Buffer,
     frame: wgpu::Buffer,
     pub(crate) layout: wgpu::BindGroupLayout,
@@ -30,6 +30,51 @@ pub(crate) struct GpuScene {
     /// The objects at rest.
     pub(crate) objects: Vec<ObjectFacts>,
     vertex_ranges: Vec<Range<u32>>,
+}
+
+/// Dynamic objects before they move.
+pub(crate) struct Rest {
+    /// At rest, or as bound to a skin.
+    pub(crate) vertices: wgpu::Buffer,
+    /// On which joints bound vertices hang, object after object.
+    pub(crate) influences: wgpu::Buffer,
+    /// Where those of each object begin, or [`MovedObject::NO_SKIN`].
+    first_influence: Vec<u32>,
+}
+
+impl Rest {
+    /// `vertices` are all of the scene at rest.
+    fn new(gpu: &Gpu, scene: &Scene, vertices: &[Vertex]) -> Result<Self, HybridError> {
+        let mut vertices = vertices.to_vec();
+        let mut influences: Vec<Influence> = Vec::new();
+        let objects = scene.objects_or_whole();
+        let mut first_influence = vec![MovedObject::NO_SKIN; objects.len()];
+        for (i, object) in objects.iter().enumerate() {
+            let Some(skinned) = scene.animation.as_ref().and_then(|a| a.skinned(i)) else {
+                continue;
+            };
+            let range = object.vertices.start as usize..object.vertices.end as usize;
+            let Some(bound) = vertices.get_mut(range) else { continue };
+            // Kernels find the influence of a vertex by its number in the object.
+            if bound.len() != skinned.influences().len() {
+                continue;
+            }
+            first_influence[i] = to_u32(influences.len());
+            influences.extend_from_slice(skinned.influences());
+            for (vertex, position) in bound.iter_mut().zip(skinned.positions()) {
+                vertex.position = *position;
+            }
+            for (vertex, normal) in bound.iter_mut().zip(skinned.normals()) {
+                vertex.normal = *normal;
+            }
+        }
+        let storage = BufferUsages::STORAGE;
+        Ok(Self {
+            vertices: gpu.upload("vertices at rest", &vertices, storage)?,
+            influences: gpu.upload("influences of joints", &influences, storage)?,
+            first_influence,
+        })
+    }
 }
 
 impl GpuScene {
@@ -63,8 +108,7 @@ impl GpuScene {
         let storage = BufferUsages::STORAGE;
         let indices: &[u32] = bytemuck::cast_slice(scene.mesh.indices());
         let dynamic = objects.iter().any(|o| o.dynamic);
-        let rest =
-            if dynamic { Some(gpu.upload("vertices at rest", &vertices, storage)?) } else { None };
+        let rest = if dynamic { Some(Rest::new(gpu, scene, &vertices)?) } else { None };
         let vertices = gpu.upload("vertices", &vertices, storage | BufferUsages::VERTEX)?;
         let indices = gpu.upload("indices", indices, storage | BufferUsages::INDEX)?;
         let ids = gpu.upload("material numbers", &ids, storage)?;
@@ -145,44 +189,48 @@ impl GpuScene {
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
     }
 
-    /// The facts of the objects at these poses; `last` are those of the frame before.
+    /// The facts of the objects in this pose of the scene; `last` is that of the frame before.
     pub(crate) fn objects_at(
         &self,
-        poses: &[ObjectPose],
-        last: Option<&[ObjectPose]>,
+        scene: &Scene,
+        pose: &ScenePose,
+        last: Option<&ScenePose>,
     ) -> Vec<ObjectFacts> {
-        self.objects
-            .iter()
-            .enumerate()
-            .map(|(i, object)| {
-                let rest = ObjectPose::REST;
-                let pose = poses.get(i).unwrap_or(&rest);
-                let before = last.and_then(|l| l.get(i));
-                let moved = object.dynamic && before.is_some_and(|before| before != pose);
-                ObjectFacts {
-                    bounds: pose.bounds(object.bounds),
-                    moved_from: before.filter(|_| moved).map(|b| b.bounds(object.bounds)),
-                    ..object.clone()
-                }
-            })
-            .collect()
+        let at = |(i, object): (usize, &ObjectFacts)| {
+            let moved_from = last
+                .filter(|last| object.dynamic && moved(scene.animation.as_ref(), i, last, pose))
+                .map(|last| scene.bounds_in(last, i, object.bounds));
+            let bounds = scene.bounds_in(pose, i, object.bounds);
+            ObjectFacts { bounds, moved_from, ..object.clone() }
+        };
+        self.objects.iter().enumerate().map(at).collect()
     }
 
-    /// Vertices at rest and the list of objects to be moved, as `hybrid/deform.wgsl` takes them;
-    /// `None` if nothing is dynamic.
-    pub(crate) fn moved(&self, poses: &[ObjectPose]) -> Option<(&wgpu::Buffer, Vec<MovedObject>)> {
+    /// What dynamic objects are made from and the list of them, as `hybrid/deform.wgsl` takes
+    /// them; `None` if nothing is dynamic.
+    pub(crate) fn moved(
+        &self,
+        scene: &Scene,
+        poses: &[ObjectPose],
+    ) -> Option<(&Rest, Vec<MovedObject>)> {
         let rest = self.rest.as_ref()?;
         let moved: Vec<MovedObject> = self
             .vertex_ranges
             .iter()
             .zip(&self.objects)
             .zip(poses)
-            .filter(|((range, object), _)| object.dynamic && !range.is_empty())
-            .map(|((range, _), pose)| MovedObject {
-                pose: *pose,
-                first: range.start,
-                count: range.end - range.start,
-                pad: [0; 2],
+            .enumerate()
+            .filter(|(_, ((range, object), _))| object.dynamic && !range.is_empty())
+            .map(|(i, ((range, _), pose))| {
+                let none = MovedObject::NO_SKIN;
+                let joints = scene.animation.as_ref().and_then(|a| a.joints_of(i));
+                MovedObject {
+                    pose: *pose,
+                    first: range.start,
+                    count: range.end - range.start,
+                    first_influence: rest.first_influence.get(i).copied().unwrap_or(none),
+                    first_joint: joints.map_or(0, |joints| to_u32(joints.start)),
+                }
             })
             .collect();
         (!moved.is_empty()).then_some((rest, moved))
@@ -192,4 +240,11 @@ impl GpuScene {
     pub(crate) fn triangles(&self) -> u32 {
         to_u32(self.facts.triangles)
     }
+}
+
+/// True if object `i` is not as it was.
+fn moved(animation: Option<&Animation>, i: usize, before: &ScenePose, now: &ScenePose) -> bool {
+    let joints = animation.and_then(|a| a.joints_of(i));
+    let bent = joints.is_some_and(|j| before.joints.get(j.clone()) != now.joints.get(j));
+    bent || before.objects.get(i) != now.objects.get(i)
 }

@@ -1,17 +1,27 @@
 //! Motion: where objects are, and how they bend, at a point in time.
 //!
-//! An [`Animation`] is data, not code: a [`Motion`] an object. [`Scene::poses`] evaluates it into
-//! one [`ObjectPose`] an object, a flat record that a GPU applies to every vertex by the equations
-//! that stand there; [`Scene::animate`] applies the same on the CPU. Poses are computed in `f64`
-//! from IEEE operations alone, so they are the same on every platform.
+//! An [`Animation`] is data, not code: a [`Motion`] an object, and a [`Rig`] of nodes that move by
+//! key frames, on which objects and the joints of skins may hang. [`Scene::pose`] evaluates it into
+//! one [`ObjectPose`] an object and one [`JointPose`] a joint, flat records that a GPU applies to
+//! every vertex by the equations that stand there; [`Scene::animate`] applies the same on the CPU.
+//! Poses are computed in `f64` from IEEE operations alone, so they are the same on every platform.
 
 mod pose;
+mod rig;
+mod skin;
+mod track;
 
-pub use pose::ObjectPose;
+pub use pose::{ObjectPose, ScenePose};
+pub(crate) use rig::invert;
+pub use rig::{Placement, Rig, RigNode};
+pub use skin::{Influence, Joint, JointPose, Skin, SkinError, Skinned};
+pub use track::{Interpolation, Track, TrackError};
 
 use crate::{Scene, generate::math::sin_cos_turns};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use niwaki_core::Aabb;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// How the objects of a scene move.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,8 +29,10 @@ pub struct Animation {
     /// One an object, in order. Objects past the end rest.
     pub motions: Vec<Motion>,
     /// How many seconds of it there are to show, above 0. Times outside are not refused: motions
-    /// go on before and after.
+    /// go on before and after, and key frames hold their ends.
     pub duration: f64,
+    /// What moves by key frames, and skins. Shared, since it may be large.
+    pub rig: Arc<Rig>,
 }
 
 /// How one object moves: it bends first, then moves as a whole.
@@ -30,13 +42,15 @@ pub struct Motion {
     pub rigid: Rigid,
     /// How it bends, if it does.
     pub wave: Option<Wave>,
+    /// Index into [`Rig::skinned`] if joints bend it, before all else.
+    pub skinned: Option<u32>,
 }
 
 impl Motion {
     /// True if it neither moves nor bends.
     #[must_use]
     pub fn is_rest(&self) -> bool {
-        self.rigid == Rigid::Rest && self.wave.is_none()
+        self.rigid == Rigid::Rest && self.wave.is_none() && self.skinned.is_none()
     }
 }
 
@@ -49,6 +63,13 @@ pub enum Rigid {
     Rest,
     /// Jumps that repeat, with turns in the air, on ground that may sway.
     Hop(Hop),
+    /// With a node of the [`Rig`]: a point x at rest is at time t at W(t) · `from_rest` · x.
+    Node {
+        /// Index into [`Rig::nodes`]; the object rests if there is no such node.
+        node: u32,
+        /// From the world at rest to the node's coordinates; [`Rig::from_rest`] has it.
+        from_rest: DAffine3,
+    },
 }
 
 /// Jumps that repeat.
@@ -153,34 +174,81 @@ pub struct Wave {
 }
 
 impl Animation {
-    /// Where objects `0..objects` are at `time`, in seconds from the beginning. A time that is not
-    /// finite counts as 0.
+    /// Where objects `0..objects` and all joints are at `time`, in seconds from the beginning. A
+    /// time that is not finite counts as 0.
     #[must_use]
-    pub fn poses(&self, time: f64, objects: usize) -> Vec<ObjectPose> {
+    pub fn pose(&self, time: f64, objects: usize) -> ScenePose {
         let time = if time.is_finite() { time } else { 0.0 };
-        let pose = |i| self.motions.get(i).map_or(ObjectPose::REST, |m| self.pose(m, time));
-        (0..objects).map(pose).collect()
+        let worlds = self.rig.worlds(Some(time));
+        let pose = |i: usize| {
+            let motion = self.motions.get(i);
+            motion.map_or(ObjectPose::REST, |motion| motion.pose(time, &worlds))
+        };
+        ScenePose { objects: (0..objects).map(pose).collect(), joints: self.rig.joints(&worlds) }
     }
 
-    fn pose(&self, motion: &Motion, time: f64) -> ObjectPose {
-        let transform = match &motion.rigid {
+    /// Where objects `0..objects` are as [`Animation::pose`] says, without joints.
+    #[must_use]
+    pub fn poses(&self, time: f64, objects: usize) -> Vec<ObjectPose> {
+        self.pose(time, objects).objects
+    }
+
+    /// The bound vertices of an object that joints bend.
+    #[must_use]
+    pub fn skinned(&self, object: usize) -> Option<&Skinned> {
+        self.rig.skinned.get(self.motions.get(object)?.skinned? as usize)
+    }
+
+    /// Where the joints of an object are among those of a pose.
+    #[must_use]
+    pub fn joints_of(&self, object: usize) -> Option<std::ops::Range<usize>> {
+        let skin = self.skinned(object)?.skin() as usize;
+        let count = self.rig.skins.get(skin)?.joints.len();
+        let first = self.rig.skins[..skin].iter().map(|s| s.joints.len()).sum();
+        Some(first..first + count)
+    }
+}
+
+impl Motion {
+    fn pose(&self, time: f64, worlds: &[DAffine3]) -> ObjectPose {
+        let transform = match &self.rigid {
             Rigid::Rest => DAffine3::IDENTITY,
             Rigid::Hop(hop) => hop.transform(time),
+            Rigid::Node { node, from_rest } => {
+                worlds.get(*node as usize).map_or(DAffine3::IDENTITY, |world| *world * *from_rest)
+            }
         };
-        ObjectPose::new(&transform, motion.wave.as_ref(), time)
+        ObjectPose::new(&transform, self.wave.as_ref(), time)
     }
 }
 
 impl Scene {
-    /// Where every object of [`Scene::objects_or_whole`] is at `time`, in seconds; all at rest
-    /// without an animation.
+    /// Where every object of [`Scene::objects_or_whole`] and every joint is at `time`, in seconds;
+    /// all at rest without an animation.
     #[must_use]
-    pub fn poses(&self, time: f64) -> Vec<ObjectPose> {
+    pub fn pose(&self, time: f64) -> ScenePose {
         let objects = self.objects.len().max(1);
         match &self.animation {
-            Some(animation) => animation.poses(time, objects),
-            None => vec![ObjectPose::REST; objects],
+            Some(animation) => animation.pose(time, objects),
+            None => ScenePose { objects: vec![ObjectPose::REST; objects], joints: Vec::new() },
         }
+    }
+
+    /// Where every object is as [`Scene::pose`] says, without joints.
+    #[must_use]
+    pub fn poses(&self, time: f64) -> Vec<ObjectPose> {
+        self.pose(time).objects
+    }
+
+    /// Bounds of an object in a pose of this scene; never too small, except by rounding. `rest`
+    /// are its bounds at rest.
+    #[must_use]
+    pub fn bounds_in(&self, pose: &ScenePose, object: usize, rest: Aabb) -> Aabb {
+        let bent = self.animation.as_ref().and_then(|animation| {
+            let joints = pose.joints.get(animation.joints_of(object)?)?;
+            Some(animation.skinned(object)?.bounds(joints))
+        });
+        pose.objects.get(object).unwrap_or(&ObjectPose::REST).bounds(bent.unwrap_or(rest))
     }
 
     /// Writes the vertices, and the shading normals if the scene has any, as they are at `time`,
@@ -188,23 +256,28 @@ impl Scene {
     /// those of the scene.
     pub fn animate(&self, time: f64, positions: &mut Vec<Vec3>, normals: &mut Vec<Vec3>) {
         let objects = self.objects_or_whole();
-        let poses = self.poses(time);
+        let pose = self.pose(time);
         positions.clear();
         positions.extend_from_slice(self.mesh.positions());
         normals.clear();
         normals.extend_from_slice(&self.normals);
-        for (object, pose) in objects.iter().zip(&poses) {
-            if pose.is_rest() {
-                continue;
-            }
+        for (i, (object, place)) in objects.iter().zip(&pose.objects).enumerate() {
             let range = object.vertices.start as usize..object.vertices.end as usize;
             let placed = positions.get_mut(range.clone()).unwrap_or(&mut []);
-            // Normals first: they need the points at rest.
-            if let Some(normals) = normals.get_mut(range) {
-                let pairs = normals.par_iter_mut().zip(placed.par_iter());
-                pairs.with_min_len(4096).for_each(|(n, p)| *n = pose.normal(*p, *n));
+            let turned = normals.get_mut(range).unwrap_or(&mut []);
+            if let Some(animation) = &self.animation
+                && let Some(skinned) = animation.skinned(i)
+                && let Some(joints) = animation.joints_of(i).and_then(|r| pose.joints.get(r))
+            {
+                skinned.bend(joints, placed, turned);
             }
-            placed.par_iter_mut().with_min_len(4096).for_each(|p| *p = pose.point(*p));
+            if place.is_rest() {
+                continue;
+            }
+            // Normals first: they need the points at rest.
+            let pairs = turned.par_iter_mut().zip(placed.par_iter());
+            pairs.with_min_len(4096).for_each(|(n, p)| *n = place.normal(*p, *n));
+            placed.par_iter_mut().with_min_len(4096).for_each(|p| *p = place.point(*p));
         }
     }
 

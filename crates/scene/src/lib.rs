@@ -14,7 +14,7 @@
 //! | [`scene`] | triangles with what a renderer needs, and what a loader left out |
 //! | [`instanced`] | meshes stored once and the places where they stand |
 //! | [`object`] | what moves, and is culled, as one |
-//! | [`animation`] | motion: transforms and waves, for CPU and GPU |
+//! | [`animation`] | motion: transforms, waves, key frames and skins, for CPU and GPU |
 //! | [`path`](mod@path) | camera paths |
 //! | [`material`], [`texture`] | surfaces |
 //! | [`light`] | cameras, punctual lights, the environment |
@@ -41,7 +41,9 @@ pub mod path;
 pub mod scene;
 pub mod texture;
 
-pub use animation::{Animation, Hop, Motion, ObjectPose, Rigid, Wave};
+pub use animation::{
+    Animation, Hop, Influence, JointPose, Motion, ObjectPose, Rig, Rigid, ScenePose, Wave,
+};
 pub use automatic::{AutomaticView, automatic_camera, automatic_path};
 pub use error::LoadError;
 pub use facts::{LightFacts, MaterialClass, MaterialFacts, SceneFacts};

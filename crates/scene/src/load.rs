@@ -3,8 +3,10 @@
 mod accessor;
 mod container;
 mod gltf;
+mod gltf_animation;
 mod gltf_material;
 mod gltf_mesh;
+mod gltf_skin;
 mod image;
 mod mtl;
 mod obj;
@@ -29,11 +31,20 @@ pub struct LoadOptions {
     /// of it by `..`. Default false, so that a scene from elsewhere does not choose what is read.
     /// Links in the folder are followed, wherever they lead.
     pub outside: bool,
+    /// Which of a glTF file's animations moves the scene, from 0, or none. Default 0, which a file
+    /// without animations need not have.
+    pub animation: Option<usize>,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { textures: true, max_triangles: 1 << 30, max_bytes: 1 << 35, outside: false }
+        Self {
+            textures: true,
+            max_triangles: 1 << 30,
+            max_bytes: 1 << 35,
+            outside: false,
+            animation: Some(0),
+        }
     }
 }
 
@@ -41,13 +52,19 @@ impl Default for LoadOptions {
 /// with every instance of a mesh as triangles of its own.
 ///
 /// What can be kept is kept, degenerate triangles included; [`Scene::dropped`] counts and names
-/// what cannot. Skins, morph targets and animations are not read: meshes stand as they are at
-/// rest.
+/// what cannot. A scene stands as the file says that it rests; [`Scene::animation`] moves nodes and
+/// skins by the animation that the options name. Morph targets are not read.
 ///
 /// # Errors
 /// [`LoadError`] says what in which file is wrong and what helps.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, LoadError> {
     load_instanced(path, options)?.flatten(options).map_err(|error| match error {
+        FlattenError::Skin { part, source } => LoadError::Gltf {
+            path: path.into(),
+            at: part,
+            reason: source.to_string(),
+            remedy: "correct the joints, or bind the mesh to its skin again",
+        },
         FlattenError::Mesh(source) => LoadError::Mesh { path: path.into(), source },
         FlattenError::TooLarge { limit, .. } => LoadError::TooLarge {
             path: path.into(),

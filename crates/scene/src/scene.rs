@@ -31,6 +31,9 @@ pub struct Dropped {
     pub attributes: usize,
     /// Cameras and lights that say nothing usable.
     pub cameras_and_lights: usize,
+    /// Channels of the animation that move what is not read (morph targets), and objects that it
+    /// moves from nothing and to nothing, which rest.
+    pub animations: usize,
     /// What was left out and why, in the order found, at most 64 lines; the counts go on.
     pub notes: Vec<String>,
 }
@@ -46,6 +49,7 @@ impl Dropped {
             && self.materials == 0
             && self.attributes == 0
             && self.cameras_and_lights == 0
+            && self.animations == 0
     }
 
     /// Number of triangles left out.
@@ -76,6 +80,7 @@ impl fmt::Display for Dropped {
             (self.materials, "materials"),
             (self.attributes, "normals or texture coordinates"),
             (self.cameras_and_lights, "cameras and lights"),
+            (self.animations, "motions"),
         ];
         let parts: Vec<String> =
             counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();

@@ -15,6 +15,8 @@ Examples:
       Twenty frames along the scene's camera path on the GPU, each with what it calls for and why.
   cargo xtask render --scene gallery --mode hybrid --debug-view hits
       Where reflected rays ended: in the traced region (blue), in the cube map (red), in the sky.
+  cargo xtask-window render --scene gallery --mode hybrid --window
+      The same to walk through.
 
 hybrid and full-bvh need a Vulkan device; ci/setup-vulkan.sh installs a software one on Debian.
 NIWAKI_VULKAN_DEVICE chooses one of several, by a part of its name or by its number.
@@ -70,6 +72,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "SKY")]
     pub(crate) sky: Option<Sky>,
 
+    /// Which animation of a glTF file moves the scene, from 0
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    pub(crate) animation: usize,
+
     /// What pictures of hybrid and full-bvh show
     #[arg(long, value_enum, default_value = "image")]
     pub(crate) debug_view: View,
@@ -97,6 +103,11 @@ pub(crate) struct RenderArgs {
     /// Seed of procedural scenes and of paths
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+
+    /// Show hybrid or full-bvh in a window, with a free camera and settings on keys; F1 lists them
+    /// (say `cargo xtask-window render`)
+    #[arg(long, conflicts_with_all = ["frames", "format", "explain"])]
+    pub(crate) window: bool,
 
     /// Where pictures and results go
     #[arg(long, value_name = "DIR", default_value = "out/render")]
@@ -165,11 +176,11 @@ pub(crate) enum View {
     /// The rendering
     Image,
     /// Where the first ray of each pixel's surface ended: blue in the traced region, red in the
-    /// cube map, light blue in the sky, magenta behind a surface of the map
+    /// cube map, green on its second layer, light blue in the sky, magenta behind a surface of the map
     Hits,
     /// Shading normals
     Normals,
-    /// Samples that marches took
+    /// Pixels and cells of the map that marches looked at
     Steps,
 }
 

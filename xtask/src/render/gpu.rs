@@ -7,7 +7,7 @@ use super::{
 };
 use anyhow::Result;
 use niwaki_hybrid::{
-    Counters, DebugView, FrameReport, Gpu, HybridRenderer, NearRegion, Settings, StageReport,
+    DebugView, FrameReport, Gpu, HybridRenderer, NearRegion, Settings, StageReport,
 };
 use niwaki_scene::{Camera, Scene};
 use std::{sync::Arc, time::Duration};
@@ -58,7 +58,7 @@ pub(crate) fn passes(report: &FrameReport) -> Vec<(String, f64)> {
 }
 
 /// What the arguments ask for.
-fn settings(args: &RenderArgs) -> Settings {
+pub(super) fn settings(args: &RenderArgs) -> Settings {
     let preset = args.preset.settings();
     let near_region = match args.mode {
         Mode::FullBvh => NearRegion::WholeScene,
@@ -86,14 +86,8 @@ impl Draw for OnGpu {
         }
         let frame = self.renderer.render(camera, width, height, time)?;
         progress(1, 1);
-        let passes = passes(&frame.report).into_iter();
-        let mut parts: Vec<Part> = passes.map(|(name, ms)| Part { name, ms }).collect();
-        let named: f64 = parts.iter().map(|part| part.ms).sum();
-        // Recording commands, waiting, and all of it on a device without timestamps.
-        let rest = (ms(frame.report.total) - named).max(0.0);
-        parts.push(Part { name: "host".into(), ms: rest });
-        let triangles = frame.report.region_triangles;
-        Ok(Drawn { image: frame.image, parts, counts: counts(&frame.report.counters, triangles) })
+        let counts = counted(counted_rays(&frame.report));
+        Ok(Drawn { image: frame.image, parts: parts(&frame.report), counts })
     }
 
     fn explain(&self, camera: &Camera, time: f64) -> String {
@@ -101,9 +95,22 @@ impl Draw for OnGpu {
     }
 }
 
-fn counts(counters: &Counters, triangles: u32) -> Vec<super::Count> {
-    counted([
-        ("triangles in the tree", triangles.into()),
+/// The parts of a frame and how long they took.
+pub(super) fn parts(report: &FrameReport) -> Vec<Part> {
+    let mut parts: Vec<Part> =
+        passes(report).into_iter().map(|(name, ms)| Part { name, ms }).collect();
+    let named: f64 = parts.iter().map(|part| part.ms).sum();
+    // Recording commands, waiting, and all of it on a device without timestamps.
+    let rest = (ms(report.total) - named).max(0.0);
+    parts.push(Part { name: "host".into(), ms: rest });
+    parts
+}
+
+/// What a frame counted, by name.
+pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 19] {
+    let counters = &report.counters;
+    [
+        ("triangles in the tree", report.region_triangles.into()),
         ("pixels with a surface", counters.primary_pixels),
         ("pixels that send rays", counters.spawning_pixels),
         ("reflected rays", counters.reflected_rays),
@@ -112,13 +119,15 @@ fn counts(counters: &Counters, triangles: u32) -> Vec<super::Count> {
         ("shadow rays", counters.shadow_rays),
         ("traversals of the tree", counters.tree_traversals),
         ("marches through faces", counters.face_marches),
-        ("samples of marches", counters.march_samples),
+        ("pixels of marches", counters.march_samples),
+        ("cells of pyramids", counters.pyramid_cells),
         ("from face to face", counters.face_hops),
         ("back to the tree", counters.region_returns),
         ("ended in the tree", counters.tree_hits),
         ("ended in the map", counters.map_hits),
+        ("on its second layer", counters.second_layer_hits),
         ("ended in the sky", counters.sky_misses),
         ("ended behind a surface", counters.behind_misses),
         ("rays left out", counters.cut_rays),
-    ])
+    ]
 }

@@ -4,6 +4,14 @@ mod args;
 mod cpu;
 mod frames;
 mod gpu;
+#[cfg(any(test, feature = "window"))]
+#[cfg_attr(
+    not(feature = "window"),
+    allow(dead_code, unused_imports, reason = "tests need no window")
+)]
+mod steer;
+#[cfg(feature = "window")]
+mod window;
 
 pub(crate) use args::{Preset, RenderArgs, Size};
 pub(crate) use gpu::passes;
@@ -52,8 +60,26 @@ struct Drawn {
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
+    if args.window {
+        return in_window(args, &spec);
+    }
     let threads = args.threads.map_or_else(machine::cores, usize::from);
     pool(threads)?.install(|| draw_all(args, &spec, threads))
+}
+
+/// Shows the scene in a window. Not within a pool of threads: windows belong to the main thread.
+#[cfg(feature = "window")]
+fn in_window(args: &RenderArgs, spec: &SceneSpec) -> Result<ExitCode> {
+    window::run(args, spec)
+}
+
+#[cfg(not(feature = "window"))]
+fn in_window(_: &RenderArgs, _: &SceneSpec) -> Result<ExitCode> {
+    anyhow::bail!(
+        "windows are not part of this program, so that it needs no display to be built: \
+         say `cargo xtask-window` instead of `cargo xtask`, or leave --window out for pictures \
+         in files"
+    )
 }
 
 fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitCode> {
@@ -63,10 +89,7 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let progress = Progress::new(args.frames as usize * STEPS);
     progress.message(&format!("load {}", spec.describe()));
-    let mut scene = spec.load(args.seed)?;
-    if let Some(sky) = args.sky {
-        scene.environment = sky.0;
-    }
+    let scene = load(args, spec)?;
     if let Some(why) = black(&scene, args.mode) {
         progress.print(&format!("note: {why}"));
     }
@@ -92,6 +115,15 @@ fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitC
     }
     println!("pictures and frames.json in {}", args.out.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// The scene, under the sky that the arguments ask for.
+fn load(args: &RenderArgs, spec: &SceneSpec) -> Result<Scene> {
+    let mut scene = spec.load_moving(args.seed, args.animation)?;
+    if let Some(sky) = args.sky {
+        scene.environment = sky.0;
+    }
+    Ok(scene)
 }
 
 /// Why pictures will be black, or most of them.

@@ -167,19 +167,22 @@ impl HybridRenderer {
         scenery: &Scenery,
     ) -> Result<(), HybridError> {
         let pipeline = self.pipelines.deformer(&self.gpu)?;
-        let moved = self.uploaded.moved(&scenery.poses);
+        let moved = self.uploaded.moved(&self.scene, &scenery.pose.objects);
         let Some((rest, moved)) = moved else {
             recorder.stage(Stage::Effect(Effect::Deformation), |_| [0, 0]);
             return Ok(());
         };
         let longest = moved.iter().map(|m| m.count).max().unwrap_or(0);
         let objects = self.gpu.upload("moved objects", &moved, BufferUsages::STORAGE)?;
+        let joints = self.gpu.upload("joints", &scenery.pose.joints, BufferUsages::STORAGE)?;
         let group = self.gpu.bind(
             &self.pipelines.deform_layout,
             &[
                 objects.as_entire_binding(),
-                rest.as_entire_binding(),
+                rest.vertices.as_entire_binding(),
                 self.uploaded.vertices.as_entire_binding(),
+                rest.influences.as_entire_binding(),
+                joints.as_entire_binding(),
             ],
         );
         // Kernels step on by the size of the grid, so a smaller grid is right too.

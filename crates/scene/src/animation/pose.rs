@@ -1,8 +1,18 @@
 //! One object at one point in time, as CPU and GPU apply it.
 
-use super::Wave;
+use super::{JointPose, Wave};
 use glam::{DAffine3, Vec3, Vec4};
 use niwaki_core::Aabb;
+
+/// Where everything is at one point in time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScenePose {
+    /// One an object.
+    pub objects: Vec<ObjectPose>,
+    /// One a joint, one skin after another;
+    /// [`Animation::joints_of`](super::Animation::joints_of) says which are an object's.
+    pub joints: Vec<JointPose>,
+}
 
 /// Where one object is and how it bends: 96 bytes of six vectors of four `f32`, to be copied to a
 /// GPU as they are.

@@ -109,7 +109,10 @@ pub(super) fn furnish(
         let z = if i % 2 == 0 { COURT[1] } else { -COURT[1] };
         let top = DVec3::new(x, 9.2, z);
         if furniture.waving {
-            plan.object("drapery", Motion { rigid: Rigid::Rest, wave: Some(wind(top, i)) });
+            plan.object(
+                "drapery",
+                Motion { rigid: Rigid::Rest, wave: Some(wind(top, i)), skinned: None },
+            );
         }
         budget.spend(drapery(plan, share, top, 4 + to_u32(i % 2), &mut random));
         plan.end_object();

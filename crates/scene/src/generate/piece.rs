@@ -235,7 +235,11 @@ impl Plan {
             objects,
             cameras: self.cameras,
             path: self.path,
-            animation: moves.then_some(Animation { motions, duration: self.duration }),
+            animation: moves.then_some(Animation {
+                motions,
+                duration: self.duration,
+                ..Animation::default()
+            }),
             lights: self.lights,
             environment: self.environment,
             dropped: Dropped::default(),

@@ -234,6 +234,53 @@ impl<'a> Document<'a> {
         Ok(out)
     }
 
+    /// An array of 4 × 4 matrices of floats, column by column.
+    pub(super) fn matrices(
+        &self,
+        index: Index<Accessor>,
+        at: &str,
+    ) -> Result<Vec<[f32; 16]>, LoadError> {
+        let (_, component, element) = self.accessor(index, at)?;
+        // Floats need no padding between columns.
+        if element != Type::Mat4 || component != ComponentType::F32 {
+            let reason = format!("its elements are {element:?} of {component:?}, not Mat4 of F32");
+            return Err(self.fail(at, reason, VALIDATOR));
+        }
+        let mut out = vec![[0.0; 16]; self.count(index, at)?];
+        self.each(index, 16, at, |i, raw| {
+            for (value, raw) in out[i].iter_mut().zip(raw.chunks_exact(4)) {
+                *value = decode(component, false, raw);
+            }
+        })?;
+        Ok(out)
+    }
+
+    /// An array of four joint numbers each.
+    pub(super) fn joints(
+        &self,
+        index: Index<Accessor>,
+        at: &str,
+    ) -> Result<Vec<[u16; 4]>, LoadError> {
+        let (_, component, element) = self.accessor(index, at)?;
+        let width = match component {
+            ComponentType::U8 => 1,
+            ComponentType::U16 => 2,
+            _ => 0,
+        };
+        if element != Type::Vec4 || width == 0 {
+            let reason =
+                format!("its elements are {element:?} of {component:?}, not Vec4 of U8 or U16");
+            return Err(self.fail(at, reason, VALIDATOR));
+        }
+        let mut out = vec![[0; 4]; self.count(index, at)?];
+        self.each(index, 4, at, |i, raw| {
+            for (value, raw) in out[i].iter_mut().zip(raw.chunks_exact(width)) {
+                *value = u16::try_from(little_endian(raw)).unwrap_or(u16::MAX);
+            }
+        })?;
+        Ok(out)
+    }
+
     /// An array of vertex indices.
     pub(super) fn indices(&self, index: Index<Accessor>, at: &str) -> Result<Vec<u32>, LoadError> {
         let (_, component, element) = self.accessor(index, at)?;

@@ -7,14 +7,18 @@ use super::{
     LoadOptions,
     accessor::Document,
     container::{buffers, split_glb},
-    gltf_material, gltf_mesh, read,
+    gltf_animation::{self, Clip},
+    gltf_material, gltf_mesh,
+    gltf_skin::{self, Place},
+    read,
 };
-use crate::{Camera, Dropped, Instance, InstancedScene, Light, LightKind, LoadError};
-use glam::{DAffine3, DMat4, DQuat, DVec3, Vec3};
+use crate::{Camera, Dropped, Instance, InstancedScene, Light, LightKind, LoadError, Rig};
+use glam::{DAffine3, DMat4, Vec3};
 use gltf::json::{
     Node, Root, camera, extensions::scene::khr_lights_punctual as punctual, validation::Checked,
 };
-use std::{path::Path, sync::atomic::AtomicU64};
+use niwaki_core::to_u32;
+use std::{collections::HashMap, path::Path, sync::atomic::AtomicU64};
 
 /// Extensions that change what this crate reads and that it understands.
 const UNDERSTOOD: &[&str] = &[
@@ -53,6 +57,7 @@ pub(super) fn load(
     check_extensions(&document, &mut dropped)?;
     let materials = gltf_material::read(&document, options, &mut dropped);
     let meshes = gltf_mesh::read(&document, &materials, options, &mut dropped)?;
+    let clip = gltf_animation::read(&document, options, &mut dropped)?;
     let mut scene = InstancedScene {
         name: name.into(),
         parts: meshes.parts,
@@ -62,9 +67,11 @@ pub(super) fn load(
         cameras: Vec::new(),
         lights: Vec::new(),
         environment: None,
+        rig: Rig::default(),
+        duration: clip.duration,
         dropped,
     };
-    walk(&document, &meshes.ranges, &mut scene)?;
+    walk(&document, &meshes.ranges, clip, &mut scene)?;
     Ok(scene)
 }
 
@@ -107,58 +114,105 @@ fn roots(document: &Document<'_>) -> Result<Vec<usize>, LoadError> {
     Ok((0..root.nodes.len()).filter(|&i| !is_child[i]).collect())
 }
 
+/// A node to be visited, and what is known of its parent.
+struct Visit {
+    node: usize,
+    /// Where the parent rests.
+    parent: DAffine3,
+    place: Place,
+}
+
 /// Places what the nodes hold. An explicit stack: files with a million nodes in a chain exist.
 fn walk(
     document: &Document<'_>,
     ranges: &[std::ops::Range<u32>],
+    mut clip: Clip,
     scene: &mut InstancedScene,
 ) -> Result<(), LoadError> {
     const TREE: &str = "every node may have one parent, and none may be its own ancestor";
     let nodes = &document.root.nodes;
-    let mut visited = vec![false; nodes.len()];
-    let mut stack: Vec<(usize, DAffine3)> =
-        roots(document)?.into_iter().rev().map(|n| (n, DAffine3::IDENTITY)).collect();
-    while let Some((i, parent)) = stack.pop() {
+    let mut places: Vec<Option<Place>> = vec![None; nodes.len()];
+    let mut skins = Skins::default();
+    let begin =
+        |node| Visit { node, parent: DAffine3::IDENTITY, place: (None, DAffine3::IDENTITY) };
+    let mut stack: Vec<Visit> = roots(document)?.into_iter().rev().map(begin).collect();
+    while let Some(Visit { node: i, parent, place: (on, fixed) }) = stack.pop() {
         let at = || format!("nodes[{i}]");
         let Some(node) = nodes.get(i) else {
             let reason = format!("it does not exist, there are {}", nodes.len());
             return Err(document.fail(at(), reason, "remove the reference to it"));
         };
-        if std::mem::replace(&mut visited[i], true) {
+        if places[i].is_some() {
             return Err(document.fail(at(), "it is reached a second time", TREE));
         }
-        let transform = parent * local_transform(node);
+        let (transform, place) = match clip.tracks.remove(&i) {
+            Some(tracks) => {
+                let moving = tracks.node(on, fixed, node);
+                let transform = parent * moving.rest.transform();
+                let number = to_u32(scene.rig.nodes.len());
+                scene.rig.nodes.push(moving);
+                (transform, (Some(number), DAffine3::IDENTITY))
+            }
+            None => {
+                let local = local_transform(node);
+                (parent * local, (on, fixed * local))
+            }
+        };
+        places[i] = Some(place);
         if let Some(mesh) = node.mesh {
             let range = ranges.get(mesh.value()).cloned().ok_or_else(|| {
                 let reason = format!("meshes[{}] does not exist", mesh.value());
                 document.fail(at(), reason, "remove the reference to it")
             })?;
-            scene.instances.extend(range.map(|part| Instance { part, transform }));
+            let skin = node.skin.map(|skin| skins.number(skin.value()));
+            scene.instances.extend(range.map(|part| {
+                let bound =
+                    scene.parts.get(part as usize).is_some_and(|p| !p.influences.is_empty());
+                Instance { part, transform, node: place.0, skin: skin.filter(|_| bound) }
+            }));
+        }
+        if place.0.is_some() && (node.camera.is_some() || has_light(node)) {
+            scene.dropped.note(|| format!("{}: its camera or light stays where it rests", at()));
         }
         place_camera(document, node, &transform, scene, i);
         place_light(document, node, &transform, scene, i);
         if let Some(children) = &node.children {
-            stack.extend(children.iter().rev().map(|c| (c.value(), transform)));
+            let child =
+                |c: &gltf::json::Index<Node>| Visit { node: c.value(), parent: transform, place };
+            stack.extend(children.iter().rev().map(child));
         }
     }
+    for number in skins.used {
+        scene.rig.skins.push(gltf_skin::read(document, number, &places)?);
+    }
     Ok(())
+}
+
+/// The skins that a scene uses, numbered in the order in which it does.
+#[derive(Default)]
+struct Skins {
+    numbers: HashMap<usize, u32>,
+    used: Vec<usize>,
+}
+
+impl Skins {
+    fn number(&mut self, of_file: usize) -> u32 {
+        *self.numbers.entry(of_file).or_insert_with(|| {
+            self.used.push(of_file);
+            to_u32(self.used.len() - 1)
+        })
+    }
+}
+
+fn has_light(node: &Node) -> bool {
+    node.extensions.as_ref().is_some_and(|e| e.khr_lights_punctual.is_some())
 }
 
 fn local_transform(node: &Node) -> DAffine3 {
     if let Some(m) = node.matrix {
         return DAffine3::from_mat4(DMat4::from_cols_array(&m.map(f64::from)));
     }
-    let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| {
-        let q = DQuat::from_array(q.0.map(f64::from));
-        // An all-zero quaternion says nothing.
-        if q.is_finite() && q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
-    });
-    let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-    DAffine3::from_scale_rotation_translation(
-        vector(node.scale.unwrap_or([1.0; 3])),
-        rotation,
-        vector(node.translation.unwrap_or([0.0; 3])),
-    )
+    gltf_animation::placement(node).transform()
 }
 
 /// The origin and the directions of the local axes `−Z` and `Y`, if the transform keeps them.

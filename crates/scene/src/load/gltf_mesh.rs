@@ -1,6 +1,6 @@
 //! Primitives of glTF meshes.
 
-use super::{LoadOptions, accessor::Document, gltf_material::Materials, part::RawPart};
+use super::{LoadOptions, accessor::Document, gltf_material::Materials, gltf_skin, part::RawPart};
 use crate::{Dropped, LoadError, Part};
 use glam::{Vec2, Vec3};
 use gltf::json::{
@@ -100,7 +100,9 @@ fn read_primitive(
     if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
         return Ok(None);
     }
-    let positions = document.vectors::<3>(position, &key)?.into_iter().map(Vec3::from).collect();
+    let positions: Vec<Vec3> =
+        document.vectors::<3>(position, &key)?.into_iter().map(Vec3::from).collect();
+    let influences = gltf_skin::influences(document, primitive, positions.len(), at, dropped)?;
     let normals = match attribute(primitive, Semantic::Normals) {
         Some(i) => document.vectors::<3>(i, &format!("{at}.attributes.NORMAL"))?,
         None => Vec::new(),
@@ -119,6 +121,7 @@ fn read_primitive(
         positions,
         normals: normals.into_iter().map(Vec3::from).collect(),
         uvs: uvs.into_iter().map(|uv| map.apply(Vec2::from(uv))).collect(),
+        influences,
         indices,
         material,
     }))
@@ -199,6 +202,7 @@ fn compact(raw: &mut RawPart) {
     keep(&mut raw.positions, &used);
     keep(&mut raw.normals, &used);
     keep(&mut raw.uvs, &used);
+    keep(&mut raw.influences, &used);
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! attributes complete (the first coordinate and the first normal are placeholders).
 
 use super::{LoadOptions, mtl, part::RawPart, read};
-use crate::{Dropped, Instance, InstancedScene, LoadError};
+use crate::{Dropped, Instance, InstancedScene, LoadError, Rig};
 use glam::{DAffine3, Vec2, Vec3};
 use niwaki_core::to_u32;
 use std::{
@@ -86,6 +86,7 @@ pub(super) fn load(
             positions: vectors(&model.mesh.positions),
             normals: if scan.normals { vectors(&model.mesh.normals) } else { Vec::new() },
             uvs: if scan.uvs { coordinates(&model.mesh.texcoords) } else { Vec::new() },
+            influences: Vec::new(),
             indices: model.mesh.indices.as_chunks::<3>().0.to_vec(),
             material: material.unwrap_or(library.default),
         };
@@ -93,9 +94,8 @@ pub(super) fn load(
         let mesh_error = |source| LoadError::Mesh { path: path.into(), source };
         parts.push(raw.check(&mut dropped).map_err(mesh_error)?);
     }
-    let instances = (0..to_u32(parts.len()))
-        .map(|part| Instance { part, transform: DAffine3::IDENTITY })
-        .collect();
+    let instances =
+        (0..to_u32(parts.len())).map(|part| Instance::still(part, DAffine3::IDENTITY)).collect();
     Ok(InstancedScene {
         name: name.into(),
         parts,
@@ -105,6 +105,8 @@ pub(super) fn load(
         cameras: Vec::new(),
         lights: Vec::new(),
         environment: None,
+        rig: Rig::default(),
+        duration: 0.0,
         dropped,
     })
 }

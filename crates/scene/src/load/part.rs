@@ -1,6 +1,6 @@
 //! Triangles as files list them, made into valid parts.
 
-use crate::{Dropped, Part};
+use crate::{Dropped, Part, animation::Influence};
 use glam::{Vec2, Vec3};
 use niwaki_core::{MeshError, TriangleMesh};
 use rayon::prelude::*;
@@ -12,6 +12,8 @@ pub(super) struct RawPart {
     pub(super) positions: Vec<Vec3>,
     pub(super) normals: Vec<Vec3>,
     pub(super) uvs: Vec<Vec2>,
+    /// One a vertex, or empty.
+    pub(super) influences: Vec<Influence>,
     pub(super) indices: Vec<[u32; 3]>,
     pub(super) material: u32,
 }
@@ -69,6 +71,7 @@ impl RawPart {
             mesh: TriangleMesh::new(self.positions, self.indices)?,
             normals: self.normals,
             uvs: self.uvs,
+            influences: self.influences,
             material: self.material,
         })
     }

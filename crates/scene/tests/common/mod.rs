@@ -2,6 +2,8 @@
 
 #![allow(dead_code, unused_imports, unreachable_pub, reason = "each test file uses some of this")]
 
+pub mod animated;
+
 pub use niwaki_hard_cases::files::{glb, square, square_json};
 use std::{
     path::{Path, PathBuf},

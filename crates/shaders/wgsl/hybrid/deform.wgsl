@@ -1,5 +1,5 @@
 // Vertices of moving and bending objects at a point in time: the equations of
-// niwaki_scene::ObjectPose, one row of workgroups an object.
+// niwaki_scene::JointPose, then those of niwaki_scene::ObjectPose, one row of workgroups an object.
 
 struct Vertex {
     position: vec3f,
@@ -21,15 +21,62 @@ struct Object {
     pose: Pose,
     first: u32,
     count: u32,
-    pad0: u32,
-    pad1: u32,
+    // Where its influences begin, or NO_SKIN.
+    first_influence: u32,
+    first_joint: u32,
 }
+
+// On which joints a vertex hangs: their numbers in its skin, two to a word, and their weights.
+struct Influence {
+    joints01: u32,
+    joints23: u32,
+    weight0: f32,
+    weight1: f32,
+    weight2: f32,
+    weight3: f32,
+}
+
+struct Joint {
+    row0: vec4f,
+    row1: vec4f,
+    row2: vec4f,
+}
+
+const NO_SKIN = 0xffffffffu;
 
 @group(0) @binding(0) var<storage, read> objects: array<Object>;
 @group(0) @binding(1) var<storage, read> rest: array<Vertex>;
 @group(0) @binding(2) var<storage, read_write> moved: array<Vertex>;
+@group(0) @binding(3) var<storage, read> influences: array<Influence>;
+@group(0) @binding(4) var<storage, read> joints: array<Joint>;
 
 const TAU = 6.283185307179586;
+
+// A joint by its weight; those of no weight do not count, whatever they hold.
+fn pull(blend: Joint, joint: u32, weight: f32) -> Joint {
+    if weight == 0.0 {
+        return blend;
+    }
+    let j = joints[joint];
+    return Joint(blend.row0 + j.row0 * weight, blend.row1 + j.row1 * weight,
+                 blend.row2 + j.row2 * weight);
+}
+
+fn blend(influence: Influence, first: u32) -> Joint {
+    var j = Joint(vec4f(0.0), vec4f(0.0), vec4f(0.0));
+    j = pull(j, first + (influence.joints01 & 0xffffu), influence.weight0);
+    j = pull(j, first + (influence.joints01 >> 16u), influence.weight1);
+    j = pull(j, first + (influence.joints23 & 0xffffu), influence.weight2);
+    j = pull(j, first + (influence.joints23 >> 16u), influence.weight3);
+    return j;
+}
+
+// A direction by the cofactors of a transform, of unit length; n where there is none.
+fn turned(a: vec3f, b: vec3f, c: vec3f, m: vec3f, n: vec3f) -> vec3f {
+    let t = vec3f(dot(cross(b, c), m), dot(cross(c, a), m), dot(cross(a, b), m));
+    let length_squared = dot(t, t);
+    return select(n, t * inverseSqrt(length_squared), length_squared > 0.0);
+}
 
 fn place(pose: Pose, p: vec3f) -> vec3f {
     var q = p;
@@ -50,12 +97,7 @@ fn turn(pose: Pose, p: vec3f, n: vec3f) -> vec3f {
     }
     let d = pose.displacement.xyz;
     let m = n - g * (dot(d, n) / (1.0 + dot(d, g)));
-    let a = pose.row0.xyz;
-    let b = pose.row1.xyz;
-    let c = pose.row2.xyz;
-    let t = vec3f(dot(cross(b, c), m), dot(cross(c, a), m), dot(cross(a, b), m));
-    let length_squared = dot(t, t);
-    return select(n, t * inverseSqrt(length_squared), length_squared > 0.0);
+    return turned(pose.row0.xyz, pose.row1.xyz, pose.row2.xyz, m, n);
 }
 
 @compute @workgroup_size(64)
@@ -65,6 +107,13 @@ fn deform(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         for (var k = id.x; k < object.count; k += groups.x * 64u) {
             let at = object.first + k;
             var vertex = rest[at];
+            if object.first_influence != NO_SKIN {
+                let j = blend(influences[object.first_influence + k], object.first_joint);
+                let h = vec4f(vertex.position, 1.0);
+                let n = vertex.normal;
+                vertex.normal = turned(j.row0.xyz, j.row1.xyz, j.row2.xyz, n, n);
+                vertex.position = vec3f(dot(j.row0, h), dot(j.row1, h), dot(j.row2, h));
+            }
             vertex.normal = turn(object.pose, vertex.position, vertex.normal);
             vertex.position = place(object.pose, vertex.position);
             moved[at] = vertex;

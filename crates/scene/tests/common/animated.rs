@@ -1,0 +1,101 @@
+//! glTF files with key frames and skins, put together array by array.
+
+use super::glb;
+
+/// A file in the making: arrays go into one buffer, each with a view and an accessor.
+#[derive(Default)]
+pub struct File {
+    bytes: Vec<u8>,
+    views: Vec<String>,
+    accessors: Vec<String>,
+    samplers: Vec<String>,
+    channels: Vec<String>,
+}
+
+impl File {
+    fn array(&mut self, bytes: Vec<u8>, count: usize, component: u32, kind: &str) -> usize {
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let (offset, length) = (self.bytes.len(), bytes.len());
+        self.views.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#));
+        let view = self.views.len() - 1;
+        self.accessors.push(format!(
+            r#"{{"bufferView":{view},"componentType":{component},"count":{count},"type":"{kind}"}}"#
+        ));
+        self.bytes.extend(bytes);
+        self.accessors.len() - 1
+    }
+
+    /// Floats in vectors of `N`; returns the number of the accessor.
+    pub fn floats<const N: usize>(&mut self, values: &[[f32; N]]) -> usize {
+        let kind = match N {
+            1 => "SCALAR",
+            2 => "VEC2",
+            3 => "VEC3",
+            4 => "VEC4",
+            _ => "MAT4",
+        };
+        let bytes = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        self.array(bytes, values.len(), 5126, kind)
+    }
+
+    /// Unsigned 16-bit numbers.
+    pub fn shorts<const N: usize>(&mut self, values: &[[u16; N]]) -> usize {
+        let bytes = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        self.array(bytes, values.len(), 5123, if N == 1 { "SCALAR" } else { "VEC4" })
+    }
+
+    /// A channel of the one animation.
+    pub fn channel<const N: usize>(
+        &mut self,
+        node: usize,
+        path: &str,
+        how: &str,
+        times: &[f32],
+        values: &[[f32; N]],
+    ) {
+        let times: Vec<[f32; 1]> = times.iter().map(|t| [*t]).collect();
+        let (input, output) = (self.floats(&times), self.floats(values));
+        let sampler = self.samplers.len();
+        self.samplers
+            .push(format!(r#"{{"input":{input},"output":{output},"interpolation":"{how}"}}"#));
+        self.channels
+            .push(format!(r#"{{"sampler":{sampler},"target":{{"node":{node},"path":"{path}"}}}}"#));
+    }
+
+    /// The JSON; `more` is empty or begins with a comma.
+    pub fn json(&self, nodes: &str, meshes: &str, more: &str) -> String {
+        let animations = if self.channels.is_empty() {
+            String::new()
+        } else {
+            format!(
+                r#","animations":[{{"name":"move","samplers":[{}],"channels":[{}]}}]"#,
+                self.samplers.join(","),
+                self.channels.join(",")
+            )
+        };
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":{}}}],
+            "bufferViews":[{}],"accessors":[{}],"meshes":[{meshes}],
+            "scenes":[{{"nodes":[0]}}],"nodes":[{nodes}]{animations}{more}}}"#,
+            self.bytes.len(),
+            self.views.join(","),
+            self.accessors.join(",")
+        )
+    }
+
+    /// The file.
+    pub fn glb(&self, json: &str) -> Vec<u8> {
+        glb(json, &self.bytes)
+    }
+
+    /// A unit square in the plane z = 0; returns the mesh.
+    pub fn square(&mut self) -> String {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let (positions, normals) = (self.floats(&corners), self.floats(&[[0.0, 0.0, 1.0]; 4]));
+        let indices = self.shorts(&[[0], [1], [2], [0], [2], [3]]);
+        format!(
+            r#"{{"primitives":[{{"attributes":{{"POSITION":{positions},"NORMAL":{normals}}},
+            "indices":{indices}}}]}}"#
+        )
+    }
+}
