@@ -174,9 +174,7 @@ impl Artifact {
         for (of, setup) in rows {
             let Some(crop) = panels.crop(setup) else { continue };
             save(&crop.picture, of, "hybrid")?;
-            if setup == Sweep::DEFAULT {
-                save(&panels.wanted, of, "Whitted")?;
-            }
+            save(&panels.wanted, of, "Whitted")?;
             save(&crop.error, of, "FLIP")?;
             if setup == Sweep::DEFAULT {
                 save(&panels.hits, of, "hits")?;

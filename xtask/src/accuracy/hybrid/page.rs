@@ -128,7 +128,7 @@ fn describe(picture: &Picture) -> &'static str {
         "Whitted" => "Whitted: what is wanted",
         "FLIP" => "FLIP: black is equal, yellow wholly different",
         _ => {
-            "Where the first ray ended: blue in the traced region, red in the map, light blue in \
+            "Where the first ray ended: blue in the traced region, red to yellow in the map, light blue in \
               the sky, magenta behind a surface of the map, grey without a ray"
         }
     }
