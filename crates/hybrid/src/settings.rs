@@ -112,12 +112,13 @@ pub enum DebugView {
     #[default]
     None,
     /// Where the first ray that left each pixel's surface ended: grey without such a ray, blue in
-    /// the near region, red in the cube map (a shade a face), light blue in the sky, magenta where
-    /// it passed behind a surface of the map and nothing was known.
+    /// the near region, red in the cube map (a shade a face), green in its second layer, light blue
+    /// in the sky, magenta where it passed behind a surface of the map and nothing was known.
     HitSource,
     /// Shading normals of the primary view, as (n + 1) / 2.
     Normal,
-    /// Samples of the cube map that each pixel's rays took, relative to 512.
+    /// Pixels of the cube map and cells of its pyramid that each pixel's rays looked at, relative
+    /// to 512.
     MarchSteps,
 }
 

@@ -192,7 +192,8 @@ impl SceneFacts {
                 LightKind::Directional => lights.directional += 1,
                 LightKind::Spot { outer, .. } => {
                     lights.spot += 1;
-                    lights.wide_spot += usize::from(!(outer <= LightFacts::NARROW_SPOT));
+                    let narrow = outer <= LightFacts::NARROW_SPOT;
+                    lights.wide_spot += usize::from(!narrow);
                 }
             }
         }

@@ -23,8 +23,10 @@ fn pixel_slope() -> f32 {
     return 2.0 * FACE_TANGENT / frame.face_resolution;
 }
 
-// A ray counts as behind a surface only if it is behind by more than four pixels cover there: its
-// own distance, less them.
+// A ray counts as behind a surface only if it is behind by more than so many pixels cover there.
+const DOUBT = 4.0;
+
+// The distance of a ray, less that.
 fn less_doubt(w: f32) -> f32 {
-    return w * (1.0 - 4.0 * pixel_slope());
+    return w * (1.0 - DOUBT * pixel_slope());
 }

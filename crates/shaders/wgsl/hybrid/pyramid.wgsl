@@ -3,7 +3,7 @@
 // 2^k pixels; x is the least distance along the face's axis of its surfaces, y the greatest, their
 // thickness included: a ray whose distances in the cell all lie below x or above y meets nothing
 // there. Cells without a surface have the least above the greatest.
-// Twin: niwaki_hybrid::pyramid::reduce.
+// Twin: reduce in the tests of crates/hybrid/src/pyramid.rs.
 
 struct Reduction {
     // Levels that the dispatch makes, 1 to 4.
