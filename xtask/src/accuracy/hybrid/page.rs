@@ -143,7 +143,7 @@ fn advice(artifact: &Artifact) -> String {
         )
     };
     match (&artifact.best, &artifact.cheap) {
-        (None, _) => "No other value of a single knob lessens it.".into(),
+        (None, _) => "No other value of a single knob removes a tenth of it.".into(),
         (Some(best), None) => format!("{}.", remedy(best)),
         (Some(best), Some(cheap)) => {
             format!("{}; in little more time than the default, {}.", remedy(best), remedy(cheap))
