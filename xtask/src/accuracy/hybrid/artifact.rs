@@ -15,6 +15,8 @@ use std::path::Path;
 const SHOWN: u32 = 288;
 /// A remedy is cheap if a frame takes at most this many times as long as at the default.
 const CHEAP: f64 = 1.5;
+/// Less than this share of a tile's error is no remedy.
+const WORTH: f64 = 0.1;
 /// The colour of frames around tiles.
 const FRAME: Vec3 = Vec3::new(1.0, 0.02, 0.02);
 
@@ -131,7 +133,7 @@ pub(super) struct Picture {
 }
 
 /// Of settings that differ from the default in one knob, what removes most of the tile's error;
-/// and what does so at a little cost, where that is another and removes anything.
+/// and what does so at a little cost, where that is another. What removes next to nothing is none.
 pub(super) fn remedies(points: &[Point], flip: f64) -> (Option<Remedy>, Option<Remedy>) {
     let remedy = |point: &Point| {
         let left = point.tile?;
@@ -143,7 +145,7 @@ pub(super) fn remedies(points: &[Point], flip: f64) -> (Option<Remedy>, Option<R
         |a: &Remedy, b: &Remedy| a.flip.total_cmp(&b.flip).then(a.relative.total_cmp(&b.relative));
     let all = || {
         let knobs = points.iter().filter(|point| point.one_knob).filter_map(remedy);
-        knobs.filter(|remedy| remedy.removed > 0.0)
+        knobs.filter(|remedy| remedy.removed >= WORTH)
     };
     let best = all().min_by(better);
     let cheap = all().filter(|remedy| remedy.relative <= CHEAP).min_by(better);
@@ -174,9 +176,7 @@ impl Artifact {
         for (of, setup) in rows {
             let Some(crop) = panels.crop(setup) else { continue };
             save(&crop.picture, of, "hybrid")?;
-            if setup == Sweep::DEFAULT {
-                save(&panels.wanted, of, "Whitted")?;
-            }
+            save(&panels.wanted, of, "Whitted")?;
             save(&crop.error, of, "FLIP")?;
             if setup == Sweep::DEFAULT {
                 save(&panels.hits, of, "hits")?;

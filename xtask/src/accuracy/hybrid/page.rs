@@ -128,7 +128,7 @@ fn describe(picture: &Picture) -> &'static str {
         "Whitted" => "Whitted: what is wanted",
         "FLIP" => "FLIP: black is equal, yellow wholly different",
         _ => {
-            "Where the first ray ended: blue in the traced region, red in the map, light blue in \
+            "Where the first ray ended: blue in the traced region, red to yellow in the map, light blue in \
               the sky, magenta behind a surface of the map, grey without a ray"
         }
     }
@@ -143,7 +143,7 @@ fn advice(artifact: &Artifact) -> String {
         )
     };
     match (&artifact.best, &artifact.cheap) {
-        (None, _) => "No other value of a single knob lessens it.".into(),
+        (None, _) => "No other value of a single knob removes a tenth of it.".into(),
         (Some(best), None) => format!("{}.", remedy(best)),
         (Some(best), Some(cheap)) => {
             format!("{}; in little more time than the default, {}.", remedy(best), remedy(cheap))

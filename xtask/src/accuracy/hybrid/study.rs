@@ -200,11 +200,12 @@ impl SceneStudy {
         table
     }
 
-    /// Those on the front, and the presets.
+    /// Those on the front, the default and the presets.
     pub(super) fn front_table(&self) -> Table {
         let mut table = self.table("front");
         let preset = |point: &Point| point.families.iter().any(|place| place.family == PRESETS);
-        self.rows(&mut table, |point| point.on_front || preset(point));
+        let shown = |point: &Point| point.number == Sweep::DEFAULT || point.on_front;
+        self.rows(&mut table, |point| shown(point) || preset(point));
         table
     }
 
