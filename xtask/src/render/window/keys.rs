@@ -147,6 +147,7 @@ mod tests {
             "G" => KeyCode::KeyG,
             "H" => KeyCode::KeyH,
             "K" => KeyCode::KeyK,
+            "L" => KeyCode::KeyL,
             "M" => KeyCode::KeyM,
             "P" => KeyCode::KeyP,
             "Q" => KeyCode::KeyQ,

@@ -29,7 +29,9 @@ const BAR: u32 = 10;
 pub(super) fn page(window: [u32; 2], zoom: u32, controls: &Controls, report: &Report<'_>) -> Page {
     let mut page = Page::default();
     if controls.times {
-        page.put(&times(controls, report), Corner::TopLeft, window, zoom);
+        // Side by side, since below each other they would need a high window.
+        page.put(&times(report), Corner::TopLeft, window, zoom);
+        page.put(&settings(controls, report), Corner::TopRight, window, zoom);
     }
     if controls.plan {
         let mut lines = Lines::default();
@@ -53,7 +55,7 @@ pub(super) fn page(window: [u32; 2], zoom: u32, controls: &Controls, report: &Re
     page
 }
 
-fn times(controls: &Controls, report: &Report<'_>) -> Lines {
+fn times(report: &Report<'_>) -> Lines {
     let mut lines = Lines::default();
     for line in report.title {
         lines.line().write(line, Ink::Plain);
@@ -75,12 +77,16 @@ fn times(controls: &Controls, report: &Report<'_>) -> Lines {
         let number = format!("{count:>10}");
         lines.line().write(&format!("{name:<26}"), Ink::Faint).write(&number, Ink::Plain);
     }
-    lines.line();
+    lines
+}
+
+fn settings(controls: &Controls, report: &Report<'_>) -> Lines {
+    let mut lines = Lines::default();
     for [keys, name, value] in controls.lines() {
         lines
             .line()
             .write(&format!("{name:<10}"), Ink::Faint)
-            .write(&format!("{value:<32}"), Ink::Plain)
+            .write(&format!("{value:<27}"), Ink::Plain)
             .write(&keys, Ink::Faint);
     }
     lines.line();

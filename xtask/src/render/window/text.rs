@@ -32,6 +32,7 @@ pub(super) enum Ink {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Corner {
     TopLeft,
+    TopRight,
     BottomLeft,
     BottomRight,
     Middle,
@@ -122,6 +123,7 @@ impl Page {
         let high = |k: usize| window[k].saturating_sub(size[k]).saturating_sub(margin);
         let at = match corner {
             Corner::TopLeft => [margin, margin],
+            Corner::TopRight => [high(0), margin],
             Corner::BottomLeft => [margin, high(1)],
             Corner::BottomRight => [high(0), high(1)],
             Corner::Middle => [0, 1].map(|k| window[k].saturating_sub(size[k]) / 2),
@@ -209,20 +211,21 @@ mod tests {
         lines.line().write("ab", Ink::Plain).write("c", Ink::Warn);
         lines.line().write("\u{e9}", Ink::Faint);
         let mut page = Page::default();
-        for corner in [Corner::TopLeft, Corner::BottomRight, Corner::Middle] {
+        for corner in [Corner::TopLeft, Corner::BottomRight, Corner::Middle, Corner::TopRight] {
             page.put(&lines, corner, [1000, 500], 2);
         }
         let size = [2 * (3 * 7 + 12), 2 * (2 * 13 + 12)];
         assert_eq!(page.panels[0].at, [12, 12]);
         assert_eq!(page.panels[1].at, [1000 - 12 - size[0], 500 - 12 - size[1]]);
         assert_eq!(page.panels[2].at, [(1000 - size[0]) / 2, (500 - size[1]) / 2]);
+        assert_eq!(page.panels[3].at, [1000 - 12 - size[0], 12]);
         assert_eq!((page.panels[1].cells, page.panels[1].first), ([3, 2], 6));
         let faint = u32::from(b'?') | 1 << 8;
         let warn = u32::from(b'c') | 2 << 8;
         assert_eq!(page.cells[2..4], [warn, faint]);
         // Nothing to write is no panel.
         page.put(&Lines::default(), Corner::Middle, [0, 0], 1);
-        assert_eq!(page.panels.len(), 3);
+        assert_eq!(page.panels.len(), 4);
     }
 
     #[test]
