@@ -89,6 +89,15 @@ fn reduce_on(own: vec2f, group: vec2u, thread: vec2u, layer: u32) {
     }
 }
 
+// The range of a cell of the first level of four, and what follows from it.
+fn keep(range: vec2f, group: vec2u, thread: vec2u, layer: u32) {
+    let cell = 8u * group + thread;
+    if all(cell < textureDimensions(first)) {
+        textureStore(first, cell, layer, vec4f(range, 0.0, 0.0));
+    }
+    reduce_on(range, group, thread, layer);
+}
+
 // Levels 1 to 4, from the map.
 @compute @workgroup_size(8, 8)
 fn from_map(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
@@ -98,10 +107,7 @@ fn from_map(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) t
     for (var k = 0u; k < 4u; k++) {
         range = join(range, pixel_range(2u * cell + vec2u(k & 1u, k >> 1u), layer));
     }
-    if all(cell < textureDimensions(first)) {
-        textureStore(first, cell, layer, vec4f(range, 0.0, 0.0));
-    }
-    reduce_on(range, group.xy, thread.xy, layer);
+    keep(range, group.xy, thread.xy, layer);
 }
 
 // The next four levels, from the one below them.
@@ -113,8 +119,5 @@ fn from_level(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     for (var k = 0u; k < 4u; k++) {
         range = join(range, cell_range(2u * cell + vec2u(k & 1u, k >> 1u), layer));
     }
-    if all(cell < textureDimensions(first)) {
-        textureStore(first, cell, layer, vec4f(range, 0.0, 0.0));
-    }
-    reduce_on(range, group.xy, thread.xy, layer);
+    keep(range, group.xy, thread.xy, layer);
 }
