@@ -42,7 +42,8 @@ if [ "$setup" = 1 ]; then
 fi
 if [ -n "$mesa" ]; then
   step "tests against the driver's own ray tracing"
-  (eval "$mesa"; export NIWAKI_REQUIRE_RAY_TRACING=1; cargo test --locked -p niwaki-trace-vulkan --test driver)
+  # Of the whole workspace, as above: of one crate, dependencies would be built again for its features.
+  (eval "$mesa"; export NIWAKI_REQUIRE_RAY_TRACING=1; cargo test --workspace --locked --test driver)
 fi
 
 step "examples"

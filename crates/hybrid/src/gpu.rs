@@ -1,7 +1,7 @@
 //! The device: its choice, its limits and its faults, and short ways to make what passes are made
 //! of.
 
-use crate::{HybridError, pipelines::Pipelines, tree::TreeKernels};
+use crate::{HybridError, pipelines::Pipelines, slot::Slot, tree::TreeKernels};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Environment variable that picks a device by number or by a part of its name.
@@ -454,68 +454,4 @@ fn choose(
     };
     let chosen = adapters.into_iter().nth(position);
     chosen.ok_or_else(|| HybridError::NoAdapter("the list changed".into()))
-}
-
-/// What a binding holds and which stages see it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Slot {
-    /// A uniform buffer, for all stages.
-    Uniform,
-    /// A uniform buffer with an offset given at the draw, for all stages.
-    DynamicUniform,
-    /// A storage buffer that is read, in all stages.
-    Read,
-    /// A storage buffer that compute shaders read and write.
-    Write,
-    /// A texture that is read by pixel, in fragment and compute shaders.
-    Texture(wgpu::TextureSampleType, wgpu::TextureViewDimension),
-    /// A texture array that compute shaders write.
-    Storage(wgpu::TextureFormat),
-}
-
-impl Slot {
-    pub(crate) const UINT: Self =
-        Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2);
-    pub(crate) const UINT_ARRAY: Self =
-        Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array);
-    pub(crate) const DEPTH: Self =
-        Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2);
-    pub(crate) const DEPTH_ARRAY: Self =
-        Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array);
-    pub(crate) const COLOR_ARRAY: Self = Self::Texture(
-        wgpu::TextureSampleType::Float { filterable: false },
-        wgpu::TextureViewDimension::D2Array,
-    );
-
-    fn entry(self, binding: u32) -> wgpu::BindGroupLayoutEntry {
-        use wgpu::{BindingType, BufferBindingType, ShaderStages};
-        let buffer = |ty, has_dynamic_offset| BindingType::Buffer {
-            ty,
-            has_dynamic_offset,
-            min_binding_size: None,
-        };
-        let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
-        let (visibility, ty) = match self {
-            Self::Uniform => (all, buffer(BufferBindingType::Uniform, false)),
-            Self::DynamicUniform => (all, buffer(BufferBindingType::Uniform, true)),
-            Self::Read => (all, buffer(BufferBindingType::Storage { read_only: true }, false)),
-            Self::Write => (
-                ShaderStages::COMPUTE,
-                buffer(BufferBindingType::Storage { read_only: false }, false),
-            ),
-            Self::Texture(sample_type, view_dimension) => (
-                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
-                BindingType::Texture { sample_type, view_dimension, multisampled: false },
-            ),
-            Self::Storage(format) => (
-                ShaderStages::COMPUTE,
-                BindingType::StorageTexture {
-                    access: wgpu::StorageTextureAccess::WriteOnly,
-                    format,
-                    view_dimension: wgpu::TextureViewDimension::D2Array,
-                },
-            ),
-        };
-        wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
-    }
 }

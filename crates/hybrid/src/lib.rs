@@ -47,6 +47,7 @@ pub mod region;
 mod renderer;
 mod report;
 pub mod settings;
+mod slot;
 mod targets;
 mod tree;
 mod upload;

@@ -1,7 +1,8 @@
 //! Shader modules and pipelines, made when a frame first needs them.
 
 use crate::{
-    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, March, SampleRule, Settings, gpu::Slot,
+    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, March, SampleRule, Settings,
+    slot::Slot,
 };
 use std::{
     collections::HashMap,

@@ -3,8 +3,8 @@
 use crate::{
     Gpu, HybridError, ObjectFacts, Settings,
     atlas::Atlas,
-    gpu::Slot,
     layout::{FrameUniform, GpuMaterial, MovedObject, Vertex},
+    slot::Slot,
 };
 use glam::{Vec2, Vec3};
 use niwaki_core::to_u32;
