@@ -153,8 +153,9 @@ pub(crate) fn select(names: &[String]) -> Result<Vec<TreeBuilder>> {
     Ok(all.into_iter().filter(|builder| names.iter().any(|name| selects(name, builder))).collect())
 }
 
-/// The one builder that a name means: where a name is ours and a peer's, ours.
-pub(crate) fn one(name: &str) -> Result<TreeBuilder> {
+/// The one builder that a name means, as `option` of the command line has it: where a name is ours
+/// and a peer's, ours.
+pub(crate) fn one(option: &str, name: &str) -> Result<TreeBuilder> {
     let mut builders = select(&[name.to_owned()])?;
     if builders.len() > 1 {
         let is_ours = |b: &TreeBuilder| b.source() == Source::Niwaki && b.name() == name;
@@ -162,18 +163,18 @@ pub(crate) fn one(name: &str) -> Result<TreeBuilder> {
             Some(ours) => return Ok(builders.swap_remove(ours)),
             None => {
                 let names: Vec<_> = builders.iter().map(TreeBuilder::full_name).collect();
-                bail!("--builder takes one, but `{name}` is {}", names.join(", "));
+                bail!("{option} takes one, but `{name}` is {}", names.join(", "));
             }
         }
     }
-    builders.pop().context("--builder names none")
+    builders.pop().with_context(|| format!("{option} names none"))
 }
 
 /// [`one`] of ours.
-pub(crate) fn one_of_ours(name: &str) -> Result<Box<dyn Builder>> {
-    match one(name)? {
+pub(crate) fn one_of_ours(option: &str, name: &str) -> Result<Box<dyn Builder>> {
+    match one(option, name)? {
         TreeBuilder::Ours(builder) => Ok(builder),
-        peer => bail!("--builder takes one of ours, but {} is a peer's", peer.full_name()),
+        peer => bail!("{option} takes one of ours, but {} is a peer's", peer.full_name()),
     }
 }
 
@@ -246,12 +247,13 @@ mod tests {
         assert_eq!(names(&["niwaki:high", "niwaki:fastest"]), ["fastest", "high"]);
         assert_eq!(names(&["all"]).len(), ours().len() + 6 + 3);
         assert_eq!(names(&[]).len(), 6 + 2);
-        let one = |name: &str| one(name).map(|b| b.full_name()).map_err(|e| e.to_string());
+        let one =
+            |name: &str| one("--builder", name).map(|b| b.full_name()).map_err(|e| e.to_string());
         assert_eq!(one("fast").unwrap(), "fast");
         assert_eq!(one("obvhs:fast").unwrap(), "obvhs:fast");
         assert!(one("medium").unwrap_err().contains("takes one"));
-        assert!(one_of_ours("fast").is_ok());
-        let error = one_of_ours("obvhs:fast").err().unwrap().to_string();
+        assert!(one_of_ours("--builder", "fast").is_ok());
+        let error = one_of_ours("--builder", "obvhs:fast").err().unwrap().to_string();
         assert!(error.contains("one of ours") && error.contains("obvhs:fast"), "{error}");
         let error = select(&["bonzai".into()]).err().unwrap().to_string();
         assert!(error.contains("bonzai") && error.contains("bonsai_p_star"), "{error}");

@@ -52,7 +52,7 @@ pub(super) fn measure(setup: &Setup, scene: &str, mesh: &TriangleMesh) -> Result
                 None
             }
         };
-        rivals.push(Rival { row, engine, seconds: Vec::new(), stages: Vec::new() });
+        rivals.push(Rival::new(row, engine));
     }
     if DriverMethod::ALL.into_iter().any(|method| method.is_offered(device.info())) {
         for preference in DriverBuild::ALL {
@@ -67,12 +67,12 @@ pub(super) fn measure(setup: &Setup, scene: &str, mesh: &TriangleMesh) -> Result
                     None
                 }
             };
-            rivals.push(Rival { row, engine, seconds: Vec::new(), stages: Vec::new() });
+            rivals.push(Rival::new(row, engine));
         }
     }
     let row = row(format!("lbvh, 63 bits, CPU, {} threads", rayon::current_num_threads()));
     let engine = Some(Engine::Cpu(Lbvh::default()));
-    rivals.push(Rival { row, engine, seconds: Vec::new(), stages: Vec::new() });
+    rivals.push(Rival::new(row, engine));
 
     let mut fault = None;
     in_turns(rivals.len(), setup.effort, |i| {
@@ -175,6 +175,10 @@ fn time(
 }
 
 impl Rival {
+    fn new(row: BuildRow, engine: Option<Engine>) -> Self {
+        Self { row, engine, seconds: Vec::new(), stages: Vec::new() }
+    }
+
     fn finish(self) -> BuildRow {
         let mut row = self.row;
         row.repeats = self.seconds.len();

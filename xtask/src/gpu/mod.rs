@@ -39,7 +39,7 @@ struct Setup {
     /// How long each measurement takes.
     effort: Effort,
     trees: Vec<Box<dyn Builder>>,
-    layouts: Vec<&'static str>,
+    layouts: Vec<TreeLayout>,
     modes: Vec<Mode>,
     schedules: Vec<Schedule>,
     ray_sets: Vec<String>,
@@ -69,12 +69,13 @@ fn measure(args: &GpuArgs) -> Result<ExitCode> {
     let ray_sets = rays::names(&args.rays);
     let steps = specs.len() * (1 + ray_sets.len());
     let known = |name: &String| TreeLayout::ALL.into_iter().find(|l| l.name() == name);
+    let trees = args.trees.iter().map(|name| registry::one_of_ours("--trees", name));
     let setup = Setup {
         tracer: Tracer::new(&device)?,
         lbvh: GpuLbvh::new(&device)?,
         effort: Effort::seconds(if args.quick { 0.02 } else { 0.2 }),
-        trees: args.trees.iter().map(|n| registry::one_of_ours(n)).collect::<Result<_>>()?,
-        layouts: args.layouts.iter().filter_map(known).map(TreeLayout::name).collect(),
+        trees: trees.collect::<Result<_>>()?,
+        layouts: args.layouts.iter().filter_map(known).collect(),
         modes: traces::modes(&args.modes)?,
         schedules: traces::schedules(&args.schedules, args.groups.unwrap_or(default_groups)),
         ray_sets,

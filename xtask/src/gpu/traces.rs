@@ -67,7 +67,7 @@ fn engines(setup: &Setup, scene: &str, mesh: &TriangleMesh) -> Result<Vec<Engine
     let mut engines = Vec::new();
     for builder in &setup.trees {
         let bvh = builder.build_mesh(mesh)?;
-        for layout in TreeLayout::ALL.into_iter().filter(|l| setup.layouts.contains(&l.name())) {
+        for layout in TreeLayout::ALL.into_iter().filter(|l| setup.layouts.contains(l)) {
             for &mode in &setup.modes {
                 let made = GpuScene::upload_in(&setup.device, layout, mode, &bvh, mesh);
                 let made = made.map(Arc::new);

@@ -84,7 +84,7 @@ fn in_window(_: &RenderArgs, _: &SceneSpec) -> Result<ExitCode> {
 
 fn draw_all(args: &RenderArgs, spec: &SceneSpec, threads: usize) -> Result<ExitCode> {
     // What is wrong with the arguments is said before anything takes time.
-    let builder = registry::one_of_ours(&args.builder)?;
+    let builder = registry::one_of_ours("--builder", &args.builder)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let progress = Progress::new(args.frames as usize * STEPS);

@@ -36,7 +36,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<ExitCode> {
     // What is wrong with the arguments is said before anything takes time.
     let format = OutputFormat::of(&args.out)?;
     let choice = Choice::of(args)?;
-    let builder = registry::one(&args.builder)?;
+    let builder = registry::one("--builder", &args.builder)?;
     let spec = SceneSpec::parse(&args.scene, TRIANGLES)?;
     let rays = niwaki_ray_file::load(&args.rays)
         .with_context(|| format!("cannot read rays from {}", args.rays.display()))?;

@@ -57,17 +57,7 @@ impl HybridRenderer {
         for face in drawn {
             let i = face.index();
             recorder.stage(Stage::Effect(Effect::CubeFace(*face)), |encoder| {
-                let shown = scenery.plan.in_faces[i].iter().copied();
-                let raster = Raster {
-                    pipeline: &pipeline,
-                    colors: &[&self.cube.surface.each[i]],
-                    depth: &self.cube.depth.each[i],
-                    clear_depth: 1.0,
-                    view: 1 + to_u32(i),
-                    draws: &Self::ranges(scenery, shown),
-                    inputs: None,
-                };
-                [self.raster(encoder, views, &raster), 0]
+                [self.draw_face(encoder, scenery, views, &pipeline, i, None), 0]
             });
         }
         Ok(())
@@ -95,20 +85,34 @@ impl HybridRenderer {
                         wgpu::BindingResource::TextureView(&self.cube.surface.each[i]),
                     ],
                 );
-                let shown = scenery.plan.in_faces[i].iter().copied();
-                let raster = Raster {
-                    pipeline: &pipeline,
-                    colors: &[&self.cube.surface.each[6 + i]],
-                    depth: &self.cube.depth.each[6 + i],
-                    clear_depth: 1.0,
-                    view: 1 + to_u32(i),
-                    draws: &Self::ranges(scenery, shown),
-                    inputs: Some(&first),
-                };
-                draws += self.raster(encoder, views, &raster);
+                draws += self.draw_face(encoder, scenery, views, &pipeline, i, Some(&first));
             }
             [draws, 0]
         });
         Ok(())
+    }
+
+    /// Draws a face's first layer, or behind what `first` shows its second.
+    fn draw_face(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        scenery: &Scenery,
+        views: &Views,
+        pipeline: &wgpu::RenderPipeline,
+        face: usize,
+        first: Option<&wgpu::BindGroup>,
+    ) -> u32 {
+        let target = if first.is_some() { 6 + face } else { face };
+        let shown = scenery.plan.in_faces[face].iter().copied();
+        let raster = Raster {
+            pipeline,
+            colors: &[&self.cube.surface.each[target]],
+            depth: &self.cube.depth.each[target],
+            clear_depth: 1.0,
+            view: 1 + to_u32(face),
+            draws: &Self::ranges(scenery, shown),
+            inputs: first,
+        };
+        self.raster(encoder, views, &raster)
     }
 }

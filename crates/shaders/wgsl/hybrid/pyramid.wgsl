@@ -53,8 +53,12 @@ fn cell_range(at: vec2u, layer: u32) -> vec2f {
     return textureLoad(below, at, layer, 0).xy;
 }
 
-// Three more levels from the 8 by 8 cells of the workgroup, whose first cell is `group` times 8.
+// The 8 by 8 cells of the workgroup, whose first cell is `group` times 8, and three more levels from them.
 fn reduce_on(own: vec2f, group: vec2u, thread: vec2u, layer: u32) {
+    let own_cell = 8u * group + thread;
+    if all(own_cell < textureDimensions(first)) {
+        textureStore(first, own_cell, layer, vec4f(own, 0.0, 0.0));
+    }
     let place = 8u * thread.y + thread.x;
     ranges[place] = own;
     for (var k = 1u; k < reduction.levels; k++) {
@@ -89,15 +93,6 @@ fn reduce_on(own: vec2f, group: vec2u, thread: vec2u, layer: u32) {
     }
 }
 
-// The range of a cell of the first level of four, and what follows from it.
-fn keep(range: vec2f, group: vec2u, thread: vec2u, layer: u32) {
-    let cell = 8u * group + thread;
-    if all(cell < textureDimensions(first)) {
-        textureStore(first, cell, layer, vec4f(range, 0.0, 0.0));
-    }
-    reduce_on(range, group, thread, layer);
-}
-
 // Levels 1 to 4, from the map.
 @compute @workgroup_size(8, 8)
 fn from_map(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) thread: vec3u) {
@@ -107,7 +102,7 @@ fn from_map(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) t
     for (var k = 0u; k < 4u; k++) {
         range = join(range, pixel_range(2u * cell + vec2u(k & 1u, k >> 1u), layer));
     }
-    keep(range, group.xy, thread.xy, layer);
+    reduce_on(range, group.xy, thread.xy, layer);
 }
 
 // The next four levels, from the one below them.
@@ -119,5 +114,5 @@ fn from_level(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id)
     for (var k = 0u; k < 4u; k++) {
         range = join(range, cell_range(2u * cell + vec2u(k & 1u, k >> 1u), layer));
     }
-    keep(range, group.xy, thread.xy, layer);
+    reduce_on(range, group.xy, thread.xy, layer);
 }
