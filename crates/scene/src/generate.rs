@@ -6,11 +6,13 @@
 
 mod atrium;
 mod bunny;
+mod cabin;
 mod chess;
 mod city;
 mod courtyard;
 mod curve;
 mod dragon;
+mod fairy;
 mod foliage;
 mod gallery;
 mod glassware;
@@ -26,7 +28,7 @@ mod stadium;
 
 use crate::Scene;
 
-/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`].
+/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`], then [`TOURS`].
 pub const NAMES: &[&str] = &[
     "dragon",
     "hair",
@@ -40,6 +42,8 @@ pub const NAMES: &[&str] = &[
     "courtyard",
     "plain",
     "one_mirror",
+    "fairy",
+    "cabin",
 ];
 
 /// Scenes that differ in how their triangles lie, for comparing builders. Nothing moves, and there
@@ -48,7 +52,11 @@ pub const SHAPES: &[&str] = NAMES.split_at(7).0;
 
 /// Scenes that differ in which effects they call for, for renderers: with shading normals, moving
 /// objects and a camera path of 200 frames.
-pub const EFFECTS: &[&str] = NAMES.split_at(7).1;
+pub const EFFECTS: &[&str] = NAMES.split_at(7).1.split_at(5).0;
+
+/// Scenes for renderers that keep a frame time, after those of Ganestam and Doggett 2012: with shading
+/// normals and a camera path of 100 frames, along which cost changes. Nothing moves.
+pub const TOURS: &[&str] = NAMES.split_at(12).1;
 
 /// What a scene holds, in a line for a help text; `None` for an unknown name.
 #[must_use]
@@ -66,6 +74,8 @@ pub fn describe(name: &str) -> Option<&'static str> {
         "courtyard" => "a court with laid tables: glassware, wine, water",
         "plain" => "a room in which nothing reflects",
         "one_mirror" => "the plain room with one small mirror",
+        "fairy" => "winged figures and toadstools on a forest floor",
+        "cabin" => "a log cabin beside a large, detailed tree",
         _ => return None,
     })
 }
@@ -92,6 +102,8 @@ pub fn generate(name: &str, triangles: usize, seed: u64) -> Option<Scene> {
         "courtyard" => courtyard::plan(triangles, seed),
         "plain" => rooms::plan(triangles, seed, false),
         "one_mirror" => rooms::plan(triangles, seed, true),
+        "fairy" => fairy::plan(triangles, seed),
+        "cabin" => cabin::plan(triangles, seed),
         _ => return None,
     };
     Some(plan.into_scene(name))

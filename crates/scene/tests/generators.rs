@@ -3,7 +3,7 @@
 use niwaki_core::glam::Vec3;
 use niwaki_scene::{
     Scene, automatic_camera, automatic_path,
-    generate::{EFFECTS, NAMES, SHAPES, describe, generate},
+    generate::{EFFECTS, NAMES, SHAPES, TOURS, describe, generate},
 };
 
 fn make(name: &str, triangles: usize, seed: u64) -> Scene {
@@ -81,20 +81,21 @@ fn an_interior_is_seen_from_inside_and_an_object_from_outside() {
 
 #[test]
 fn every_scene_is_described() {
-    assert_eq!([SHAPES, EFFECTS].concat(), NAMES);
+    assert_eq!([SHAPES, EFFECTS, TOURS].concat(), NAMES);
     assert!(NAMES.iter().all(|name| describe(name).is_some_and(|text| !text.is_empty())));
     assert!(describe("castle").is_none());
 }
 
 #[test]
 fn scenes_for_renderers_have_unit_normals_and_a_path_and_move() {
-    for name in EFFECTS {
+    for name in EFFECTS.iter().chain(TOURS) {
+        let (frames, moves) = if TOURS.contains(name) { (100, false) } else { (200, true) };
         for triangles in [1000, 30_000] {
             let scene = make(name, triangles, 2);
             assert_eq!(scene.normals.len(), scene.mesh.positions().len(), "{name}");
             assert!(scene.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4), "{name}");
-            assert_eq!(scene.path.as_ref().map(|path| path.frames), Some(200), "{name}");
-            assert!(scene.animation.as_ref().is_some_and(|a| a.duration > 6.0), "{name}");
+            assert_eq!(scene.path.as_ref().map(|path| path.frames), Some(frames), "{name}");
+            assert_eq!(scene.animation.as_ref().is_some_and(|a| a.duration > 6.0), moves, "{name}");
             // The path begins with the first camera.
             let (first, camera) = (scene.camera_path().frame(0), scene.cameras[0]);
             assert!(first.position.distance(camera.position) < 1e-4, "{name}");
@@ -110,7 +111,7 @@ fn scenes_for_renderers_have_unit_normals_and_a_path_and_move() {
 /// Vertex normals show to the side to which the triangles wind.
 #[test]
 fn normals_agree_with_the_winding() {
-    for name in EFFECTS {
+    for name in EFFECTS.iter().chain(TOURS) {
         let scene = make(name, 60_000, 1);
         let mut against = 0;
         for t in scene.mesh.indices() {
@@ -192,7 +193,7 @@ fn the_effects_are_those_of_the_materials() {
 /// On every frame the camera is well clear of every triangle, as they stand then.
 #[test]
 fn camera_paths_run_through_free_space() {
-    for name in EFFECTS {
+    for name in EFFECTS.iter().chain(TOURS) {
         let scene = make(name, 30_000, 1);
         let path = scene.camera_path();
         for frame in (0..path.frames).step_by(15) {
