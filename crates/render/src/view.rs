@@ -7,13 +7,14 @@ use niwaki_scene::Camera;
 /// A camera with an image plane of a given number of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    position: Vec3,
+    /// Where the camera stands.
+    pub position: Vec3,
     /// From the camera to the image's top left corner, in units of the focal length.
-    corner: Vec3,
+    pub corner: Vec3,
     /// From one pixel to the next in a row.
-    step_x: Vec3,
+    pub step_x: Vec3,
     /// From one row to the next.
-    step_y: Vec3,
+    pub step_y: Vec3,
 }
 
 impl View {

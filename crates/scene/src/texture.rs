@@ -107,6 +107,25 @@ impl Texture {
         self.wrap
     }
 
+    /// The mean of all pixels, linear RGB and alpha; zero without any.
+    #[must_use]
+    pub fn mean(&self) -> Vec4 {
+        let levels = |c: u8| {
+            if self.srgb { srgb_to_linear(f32::from(c) / 255.0) } else { f32::from(c) / 255.0 }
+        };
+        let table: Vec<f64> = (0..=255).map(|c| f64::from(levels(c))).collect();
+        let mut sum = [0.0_f64; 4];
+        for &[r, g, b, a] in self.pixels.iter() {
+            for (sum, c) in sum.iter_mut().zip([r, g, b]) {
+                *sum += table[usize::from(c)];
+            }
+            sum[3] += f64::from(a) / 255.0;
+        }
+        let count = self.pixels.len().max(1) as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "means of numbers from 0 to 1")]
+        Vec4::from(sum.map(|sum| (sum / count) as f32))
+    }
+
     /// One pixel, linear.
     fn texel(&self, x: i64, y: i64) -> Vec4 {
         let x = self.wrap[0].apply(x, i64::from(self.width));

@@ -3,7 +3,7 @@
 use niwaki_shaders::{Library, Options, names};
 
 /// Files that are part of a module, and none by themselves.
-const PARTS: [&str; 2] = ["drive", "driver/common"];
+const PARTS: [&str; 3] = ["drive", "driver/common", "tracer/frame"];
 
 #[test]
 fn every_module_is_valid() {

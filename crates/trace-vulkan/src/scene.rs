@@ -288,6 +288,33 @@ impl GpuScene {
         Ok(Self { layout, mode, nodes, triangles, parents, is_deep, words, bytes })
     }
 
+    /// What all rays of a dispatch of `count` have in common.
+    pub(crate) const fn words_for(&self, count: u32) -> SceneWords {
+        let mut words = self.words;
+        words.rays = count;
+        words
+    }
+
+    /// What the kernels bind under this name of `tracing.wgsl`, as far as it is there.
+    pub(crate) fn buffer(&self, name: &str) -> Option<&Buffer> {
+        if name == "parents" {
+            return self.parents.as_ref();
+        }
+        let (pieces, part) = match name.rsplit_once('_')? {
+            ("nodes", part) => (&self.nodes, part),
+            ("triangles", part) => (&self.triangles, part),
+            _ => return None,
+        };
+        pieces.views.get(part.parse::<usize>().ok()?)
+    }
+
+    /// True for what may be missing, because kernels bind it whether or not they use it.
+    pub(crate) fn is_optional(name: &str) -> bool {
+        matches!(name, "parents" | "work")
+            || name.starts_with("nodes_")
+            || name.starts_with("triangles_")
+    }
+
     /// Bytes of the device's memory that it takes.
     #[must_use]
     pub const fn bytes(&self) -> u64 {

@@ -1,6 +1,6 @@
 //! The traversal kernels.
 
-use crate::{Batch, Buffer, Device, GpuError, GpuScene, Kernel, TreeLayout};
+use crate::{Batch, Buffer, Device, GpuError, GpuScene, Kernel};
 use niwaki_core::{Hit, Ray, to_u32};
 use niwaki_trace::{Counts, Mode};
 use std::{
@@ -79,13 +79,13 @@ pub struct Trace<'a> {
 /// What distinguishes pipelines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Variant {
-    layout: TreeLayout,
+    module: &'static str,
+    entry: &'static str,
     mode: Mode,
     query: Query,
     is_counted: bool,
     is_deep: bool,
     is_in_pieces: bool,
-    is_persistent: bool,
     /// Steps of an invocation; 0 for no end.
     budget: u32,
 }
@@ -227,13 +227,13 @@ impl Tracer {
         }
         let is_persistent = schedule != Schedule::RayAThread;
         let kernel = self.kernel(Variant {
-            layout: scene.layout,
+            module: scene.layout.module(),
+            entry: if is_persistent { "persistent" } else { "main" },
             mode: scene.mode,
             query,
             is_counted: work.is_some(),
             is_deep: scene.is_deep || progress.is_some(),
             is_in_pieces: scene.is_in_pieces(),
-            is_persistent,
             budget: progress.map_or(0, |_| self.budget),
         })?;
         let next = if is_persistent {
@@ -243,41 +243,100 @@ impl Tracer {
         } else {
             None
         };
-        let part = |parts: &'_ [Buffer], i: usize| parts.get(i).unwrap_or(&self.nothing).clone();
-        let or_nothing = |buffer: Option<&Buffer>| buffer.unwrap_or(&self.nothing).clone();
-        let buffers: Vec<Buffer> = kernel
-            .bindings()
-            .iter()
-            .map(|binding| match binding.name.as_str() {
-                "rays" => rays.clone(),
-                "hits" if query == Query::Closest => answers.clone(),
-                "flags" if query == Query::Any => answers.clone(),
-                "work" => or_nothing(work.as_ref()),
-                "next_ray" => or_nothing(next.as_ref()),
-                "parents" => or_nothing(scene.parents.as_ref()),
-                "progress" => or_nothing(progress.map(|progress| &progress.places)),
-                "pending" => or_nothing(progress.map(|progress| &progress.pending)),
-                "nodes_0" => part(&scene.nodes.views, 0),
-                "nodes_1" => part(&scene.nodes.views, 1),
-                "nodes_2" => part(&scene.nodes.views, 2),
-                "nodes_3" => part(&scene.nodes.views, 3),
-                "triangles_0" => part(&scene.triangles.views, 0),
-                "triangles_1" => part(&scene.triangles.views, 1),
-                "triangles_2" => part(&scene.triangles.views, 2),
-                "triangles_3" => part(&scene.triangles.views, 3),
-                _ => self.nothing.clone(),
-            })
-            .collect();
-        let buffers: Vec<&Buffer> = buffers.iter().collect();
+        let own = |name: &str| match name {
+            "rays" => Some(&rays),
+            "hits" if query == Query::Closest => Some(&answers),
+            "flags" if query == Query::Any => Some(&answers),
+            "work" => work.as_ref(),
+            "next_ray" => next.as_ref(),
+            "progress" => progress.map(|progress| &progress.places),
+            "pending" => progress.map(|progress| &progress.pending),
+            _ => None,
+        };
+        let buffers = self.buffers(scene, &kernel, own);
         let groups = match schedule {
             Schedule::RayAThread => self.device.info().groups_for(u64::from(count), WORKGROUP),
             Schedule::Persistent { groups } => {
                 [groups.clamp(1, self.device.info().max_groups[0]), 1, 1]
             }
         };
-        let mut words = scene.words;
-        words.rays = count;
-        batch.dispatch(&kernel, &buffers, &words, groups)?;
+        batch.dispatch(&kernel, &buffers, &scene.words_for(count), groups)?;
+        Ok(())
+    }
+
+    /// What a kernel binds, in order: `own` buffers by name, or else the scene's, or else nothing.
+    fn buffers<'a>(
+        &'a self,
+        scene: &'a GpuScene,
+        kernel: &Kernel,
+        own: impl Fn(&str) -> Option<&'a Buffer>,
+    ) -> Vec<&'a Buffer> {
+        let bindings = kernel.bindings().iter();
+        let found = bindings.map(|binding| {
+            let name = binding.name.as_str();
+            own(name).or_else(|| scene.buffer(name)).unwrap_or(&self.nothing)
+        });
+        found.collect()
+    }
+
+    /// The pipeline of a kernel of one's own that calls `traverse` in this scene: an entry point of a
+    /// module of `niwaki-shaders` that imports `trace_binary` or `trace_wide`, whichever is the
+    /// scene's [layout](GpuScene::layout). Rays end at their nearest hit or, for [`Query::Any`], at
+    /// any. With `is_counted` the work of rays adds up in `counts`.
+    ///
+    /// Kernels are kept, so asking again costs nothing.
+    ///
+    /// # Errors
+    /// As [`Device::kernel`].
+    pub fn program(
+        &self,
+        scene: &GpuScene,
+        (module, entry): (&'static str, &'static str),
+        query: Query,
+        is_counted: bool,
+    ) -> Result<Kernel, GpuError> {
+        self.kernel(Variant {
+            module,
+            entry,
+            mode: scene.mode,
+            query,
+            is_counted,
+            is_deep: scene.is_deep,
+            is_in_pieces: scene.is_in_pieces(),
+            budget: 0,
+        })
+    }
+
+    /// Adds a [`Tracer::program`] to a batch, `count` invocations of it, which it finds in `scene.rays`. `own` are
+    /// its buffers by name; those of the scene are bound for it.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] if a buffer is larger than the device can bind,
+    /// [`GpuError::Mismatch`] if one is missing, and [`GpuError::OutOfMemory`].
+    pub fn record_program(
+        &self,
+        batch: &mut Batch,
+        scene: &GpuScene,
+        kernel: &Kernel,
+        own: &[(&str, &Buffer)],
+        count: u32,
+    ) -> Result<(), GpuError> {
+        let named =
+            |name: &str| own.iter().find(|(own, _)| *own == name).map(|&(_, buffer)| buffer);
+        let missing = kernel.bindings().iter().find(|binding| {
+            named(&binding.name).is_none()
+                && scene.buffer(&binding.name).is_none()
+                && !GpuScene::is_optional(&binding.name)
+        });
+        if let Some(binding) = missing {
+            return Err(GpuError::Mismatch {
+                kernel: kernel.inner.pipeline.label.clone(),
+                message: format!("no buffer is given for `{}`", binding.name),
+            });
+        }
+        let buffers = self.buffers(scene, kernel, named);
+        let groups = self.device.info().groups_for(u64::from(count), WORKGROUP);
+        batch.dispatch(kernel, &buffers, &scene.words_for(count), groups)?;
         Ok(())
     }
 
@@ -298,8 +357,7 @@ impl Tracer {
             ("PIECES", if variant.is_in_pieces { 4.0 } else { 1.0 }),
             ("WORKGROUP", f64::from(WORKGROUP)),
         ];
-        let entry = if variant.is_persistent { "persistent" } else { "main" };
-        let kernel = self.device.kernel(variant.layout.module(), entry, &constants)?;
+        let kernel = self.device.kernel(variant.module, variant.entry, &constants)?;
         kernels.insert(variant, kernel.clone());
         Ok(kernel)
     }

@@ -1,3 +1,4 @@
+//!import normals
 // What all passes of the hybrid renderer know: the frame, the scene's surfaces and its textures.
 // The Rust twins of the structures are in crates/hybrid/src/layout.rs.
 
@@ -177,20 +178,6 @@ fn environment(direction: vec3f) -> vec3f {
 fn primary_direction(x: u32, y: u32) -> vec3f {
     let d = frame.corner + frame.step_x * (f32(x) + 0.5) + frame.step_y * (f32(y) + 0.5);
     return normalize(d);
-}
-
-// Unit vectors as points of an octahedron folded flat (Meyer et al. 2010), 16 bits a coordinate.
-fn pack_normal(n: vec3f) -> u32 {
-    let p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
-    let folded = (1.0 - abs(p.yx)) * select(vec2f(-1.0), vec2f(1.0), p >= vec2f(0.0));
-    return pack2x16snorm(select(p, folded, n.z < 0.0));
-}
-
-fn unpack_normal(bits: u32) -> vec3f {
-    let p = unpack2x16snorm(bits);
-    let z = 1.0 - abs(p.x) - abs(p.y);
-    let folded = (1.0 - abs(p.yx)) * select(vec2f(-1.0), vec2f(1.0), p >= vec2f(0.0));
-    return normalize(vec3f(select(p, folded, z < 0.0), z));
 }
 
 // Colours from 0 to 1 as square roots, 10 bits a channel, which errs least where eyes see most.

@@ -1,0 +1,3 @@
+// Frames over binary trees.
+//!import trace_binary
+//!import tracer/frame

@@ -1,0 +1,3 @@
+// Frames over wide trees.
+//!import trace_wide
+//!import tracer/frame
