@@ -33,7 +33,10 @@ pub use controller::{
 pub use correction::{Correction, CorrectionConfig, Verdict};
 pub use error::Error;
 pub use history::MAX_DELAY;
+pub use kendall::kendall_tau_b;
 pub use ladder::Ladder;
+pub use metrics::{FrameRecord, Summary, frames_off};
+pub use regression::{Regression, RegressionConfig, RegressionController};
 pub use search::{
     Aim, Choice, InnerConfig, InnerLoop, MAX_TARGET_MS, MIN_TARGET_MS, Search, Status,
 };
@@ -44,7 +47,11 @@ mod controller;
 mod correction;
 mod error;
 mod history;
+mod kendall;
 mod ladder;
+mod metrics;
+mod regression;
 mod search;
 mod settings;
+pub mod sim;
 mod stability;
