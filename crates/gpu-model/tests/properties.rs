@@ -13,20 +13,22 @@ fn device() -> impl Strategy<Value = Device> {
         (0.05..16.0, 10.0..2000.0, 0.01..100.0, 0.01..50.0, 1.0..64.0),
         (1_u32..33, 1_u32..65),
     )
-        .prop_map(|((clock, bandwidth, cores, warp), (issue, latency, dc, du, n), (b, w))| Device {
-            name: "any".to_owned(),
-            source: "proptest".to_owned(),
-            clock_ghz: clock,
-            bandwidth_gb_s: bandwidth,
-            cores,
-            warp_size: warp,
-            issue_cycles: issue,
-            memory_latency_cycles: latency,
-            departure_delay_coalesced_cycles: dc,
-            departure_delay_uncoalesced_cycles: du,
-            transactions_per_uncoalesced_load: n,
-            max_blocks_per_core: b,
-            max_warps_per_core: w,
+        .prop_map(|((clock, bandwidth, cores, warp), (issue, latency, dc, du, n), (b, w))| {
+            Device {
+                name: "any".to_owned(),
+                source: "proptest".to_owned(),
+                clock_ghz: clock,
+                bandwidth_gb_s: bandwidth,
+                cores,
+                warp_size: warp,
+                issue_cycles: issue,
+                memory_latency_cycles: latency,
+                departure_delay_coalesced_cycles: dc,
+                departure_delay_uncoalesced_cycles: du,
+                transactions_per_uncoalesced_load: n,
+                max_blocks_per_core: b,
+                max_warps_per_core: w,
+            }
         })
 }
 
@@ -39,15 +41,17 @@ fn program() -> impl Strategy<Value = Program> {
         (instructions(), instructions(), instructions(), prop_oneof![Just(0.0), 0.0..100.0]),
         (1.0..4096.0, 1_u32..1025, 0_u64..1_000_000, 1_u32..33),
     )
-        .prop_map(|((compute, coalesced, uncoalesced, barriers), (bytes, t, blocks, b))| Program {
-            compute_instructions: compute,
-            coalesced_loads: coalesced,
-            uncoalesced_loads: uncoalesced,
-            synchronizations: barriers,
-            bytes_per_warp_load: bytes,
-            threads_per_block: t,
-            blocks,
-            blocks_per_core: b,
+        .prop_map(|((compute, coalesced, uncoalesced, barriers), (bytes, t, blocks, b))| {
+            Program {
+                compute_instructions: compute,
+                coalesced_loads: coalesced,
+                uncoalesced_loads: uncoalesced,
+                synchronizations: barriers,
+                bytes_per_warp_load: bytes,
+                threads_per_block: t,
+                blocks,
+                blocks_per_core: b,
+            }
         })
 }
 
@@ -234,9 +238,8 @@ fn the_printed_rule_is_not_monotone() {
         blocks_per_core: 3,
         ..Program::empty()
     };
-    let predict = |cases, compute| {
-        Model { cases }.predict(&device, &program(compute)).unwrap().execution
-    };
+    let predict =
+        |cases, compute| Model { cases }.predict(&device, &program(compute)).unwrap().execution;
     // Mem is 4200 cycles: 1040 and 10 instructions of 4 cycles are as many.
     let (before, after) = (predict(CaseRule::Printed, 1039.0), predict(CaseRule::Printed, 1041.0));
     assert_eq!((before.case, after.case), (Case::Compute, Case::Memory));
