@@ -1,4 +1,4 @@
-//! Instructions of the kernels that trace rays, counted in their SPIR-V.
+//! Instructions of the kernels that trace rays, counted in their SPIR-V: what rays take as a rule.
 
 use niwaki_gpu_model::KernelCounts;
 use niwaki_shaders::Options;
@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for module in ["trace_binary", "trace_wide"] {
         for (mode, name) in [(0.0, "fast"), (1.0, "watertight")] {
             for (any, query) in [(0.0, "closest"), (1.0, "any")] {
-                let constants = [("MODE", mode), ("ANY", any)];
+                let constants = [("MODE", mode), ("ANY", any), ("RARE", 0.0)];
                 let options = Options { constants: &constants, ..Options::default() };
                 let shader = niwaki_shaders::compile(module, "main", &options)?;
                 let c = KernelCounts::of_shader(&shader)?;

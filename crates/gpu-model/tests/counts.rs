@@ -258,6 +258,11 @@ fn the_kernels_that_trace_rays() {
     assert_eq!(wide.memory_per_traversal, 6.0);
     assert_eq!(wide.memory_per_intersection, 3.0);
     assert!(wide.compute_per_traversal > binary.compute_per_traversal);
+    // Exact signs of edge functions, which hardly any ray needs, are most of the text.
+    let usual = traversal("trace_binary", "main", &[("RARE", 0.0)]);
+    assert!(2.0 * usual.compute_per_intersection < binary.compute_per_intersection);
+    assert_eq!(usual.compute_per_traversal, binary.compute_per_traversal);
+    assert!(usual.compute_constant < binary.compute_constant);
     // The other schedule does the same work in one more loop.
     let persistent = traversal("trace_binary", "persistent", &[]);
     assert_eq!(persistent.compute_per_traversal, binary.compute_per_traversal);

@@ -284,7 +284,9 @@ impl KernelCounts {
     /// ```
     /// use niwaki_gpu_model::KernelCounts;
     ///
-    /// let options = niwaki_shaders::Options::default();
+    /// // Both arms of branches count, so leave out those that hardly any ray takes.
+    /// let constants = [("RARE", 0.0)];
+    /// let options = niwaki_shaders::Options { constants: &constants, ..Default::default() };
     /// let counts = KernelCounts::of_shader(&niwaki_shaders::compile("trace_binary", "main", &options)?)?;
     /// // Both children of a node are read, two rows of 16 bytes each.
     /// assert!(counts.memory_per_traversal >= 4.0);
