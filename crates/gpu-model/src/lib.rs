@@ -31,8 +31,10 @@
 //! | [`ray_tracing`] | instructions of a ray-traced frame from its workload, and [`FrameModel`] |
 //! | [`device`] | parameters of devices as TOML tables |
 //! | [`program`] | what a kernel does and how it is launched |
-//! | [`workload`] | what the rays of a view do |
+//! | [`counts`] | instructions of a kernel, counted in its SPIR-V |
+//! | [`workload`] | what the rays of a view do, sampled on the CPU |
 
+pub mod counts;
 pub mod device;
 pub mod hong_kim;
 pub mod program;
@@ -40,6 +42,7 @@ pub mod ray_tracing;
 pub mod shortened;
 pub mod workload;
 
+pub use counts::CountError;
 pub use device::{Device, DeviceError};
 pub use program::{ModelError, Occupancy, Program};
 pub use ray_tracing::{
