@@ -98,6 +98,14 @@ if [ "$setup" = 1 ]; then
   test "$(grep -c '^city:5k,.*,camera,closest,.*,0,$' out/ci-gpu/csv/gpu-rays.csv)" -ge 16
 fi
 
+step "frame times, small"
+# A simulated device needs no Vulkan.
+cargo xtask tune --quick --device geforce-580 --scene fairy:5000 --turn --out out/ci-tune-simulated
+if [ "$setup" = 1 ]; then
+  cargo xtask tune --quick --scene fairy:5000 --frames 6 --rank 1 --out out/ci-tune
+  test -s out/ci-tune/device.toml
+fi
+
 step "report, merged"
 cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report
 

@@ -7,6 +7,7 @@ use crate::render::{RenderArgs, Size};
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
 use crate::trace::TraceArgs;
+use crate::tune::TuneArgs;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -36,6 +37,8 @@ pub(crate) enum Command {
     Thesis(Box<ThesisArgs>),
     /// Answer rays from a file: what each hits first, through a chosen tree and kernel.
     Trace(Box<TraceArgs>),
+    /// Keep a frame time: an analytical model of the GPU and controllers, compared along camera paths.
+    Tune(Box<TuneArgs>),
     /// Check every builder and kernel against brute force, Embree and obvhs.
     Verify(VerifyArgs),
     /// Give hard cases to every builder, kernel and peer, each in a process that is watched.

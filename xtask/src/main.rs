@@ -16,6 +16,7 @@ mod scenes;
 mod stability;
 mod thesis;
 mod trace;
+mod tune;
 mod verify;
 
 use clap::Parser;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         cli::Command::StabilityWorker(options) => stability::run_worker(&options),
         cli::Command::Thesis(args) => thesis::run(&args),
         cli::Command::Trace(args) => trace::run(&args),
+        cli::Command::Tune(args) => tune::run(&args),
         cli::Command::Verify(args) => verify::run(&args),
     };
     outcome.unwrap_or_else(|error| {

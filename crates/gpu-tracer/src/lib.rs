@@ -26,11 +26,13 @@
 //! their first hit. [`reference`] does the same on the CPU.
 
 mod layout;
+mod model;
 pub mod reference;
 mod scene;
 mod settings;
 mod tracer;
 
+pub use model::{TracerCountError, TracerCounts, TracerModel};
 pub use scene::TracedScene;
 pub use settings::{FrameSettings, Kernel};
 pub use tracer::{FrameCounts, FrameTimes, FrameTracer};

@@ -1,0 +1,182 @@
+//! `tune.json`, `tune.html` and `csv/*.csv`.
+
+use super::plots::{Curve, frames};
+use super::rows::{Flight, Study, Tour};
+use crate::report::page::{self, FOOT, add_table, figure, head, run_header};
+use crate::report::table::{Best, Table, escape};
+use crate::report::write_page;
+use anyhow::{Context, Result};
+use std::fmt::Write as _;
+use std::path::Path;
+
+const HOW_TO_READ: &str = "<h2>How to read</h2>\n<ul>\n\
+    <li><em>model error</em>: mean of |model − measured| / measured, the paper's; <em>corrected</em>: \
+    the same of the time that the controller expected. <em>on target</em>: frames within 5 % of it. \
+    Controllers learn in the first ten frames, which do not count.</li>\n\
+    <li><em>rung</em>: the mean place on the ladder, the quality that was delivered; <em>turned back</em>: \
+    frames whose quality went up after down or down after up.</li>\n\
+    <li>τ: Kendall's rank correlation of predicted and measured times over the rungs of the ladder in \
+    one view: 1 if the model orders all settings as the device does.</li>\n\
+    <li>Simulated devices draw the same frames by a law of their own (caches, divergence, tails, \
+    overhead, heat, noise), of which the model knows nothing; their times are no measurements.</li>\n</ul>\n";
+
+/// Writes everything into a folder.
+pub(super) fn save(study: &Study, out: &Path) -> Result<()> {
+    let mut html = head("Frames that keep their time");
+    let mut files = Vec::new();
+    html.push_str(&run_header(&study.run, None));
+    page::failures(&mut html, &study.failures);
+    for (number, tour) in study.tours.iter().enumerate() {
+        add_tour(&mut html, &mut files, tour, number)?;
+    }
+    html.push_str(HOW_TO_READ);
+    html.push_str(FOOT);
+    write_page(&html, files, out, "tune.html")?;
+    let path = out.join("tune.json");
+    let mut json = serde_json::to_string_pretty(study)?;
+    json.push('\n');
+    std::fs::write(&path, json).with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn add_tour(
+    html: &mut String,
+    files: &mut Vec<(String, String)>,
+    tour: &Tour,
+    number: usize,
+) -> Result<()> {
+    let _ = writeln!(html, "<h2>{}</h2>", escape(&tour.title()));
+    let simulated = if tour.is_simulated { " The device is simulated." } else { "" };
+    let _ = writeln!(
+        html,
+        "<p>{} triangles, a tree {} levels deep, {}×{} pixels, {:.2} ms wanted. The model's device: {}. \
+         Sampling a view took {:.2} ms, a prediction {:.2} µs.{simulated}</p>",
+        tour.triangles,
+        tour.depth,
+        tour.width,
+        tour.height,
+        tour.target_ms,
+        escape(&tour.model),
+        tour.sampling_ms,
+        tour.prediction_us,
+    );
+    add_table(html, files, &summary(tour, number))?;
+    let data = records(tour, number);
+    let best = ["both", "feedforward", "feedback", "regression", "none"];
+    let shown = best.iter().find_map(|name| tour.flights.iter().find(|f| f.controller == *name));
+    if let Some(flight) = shown {
+        let of =
+            |value: fn(&niwaki_frame_control::FrameRecord) -> Option<f64>| -> Vec<Option<f64>> {
+                flight.records.iter().map(value).collect()
+            };
+        let curves = [
+            Curve { name: "measured", values: of(|r| Some(r.measured_ms)) },
+            Curve { name: "model", values: of(|r| r.model_ms) },
+            Curve { name: "corrected", values: of(|r| r.predicted_ms) },
+        ];
+        let svg = frames(&curves, "milliseconds", Some(tour.target_ms), "Frame times")?;
+        let caption = format!(
+            "Frame times under <em>{}</em>: measured, by the model, and by the model as corrected; \
+             dashed the target (after Figure 5 of the paper).",
+            flight.controller
+        );
+        figure(html, files, &svg, &caption, &data)?;
+    }
+    let ao = |flight: &Flight| -> Vec<Option<f64>> {
+        let rays = |rung: usize| tour.ao_rays.get(rung).copied().map(f64::from);
+        flight.records.iter().map(|r| rays(r.rung)).collect()
+    };
+    let curves: Vec<Curve<'_>> = tour
+        .flights
+        .iter()
+        .map(|flight| Curve { name: &flight.controller, values: ao(flight) })
+        .collect();
+    let svg = frames(&curves, "directions of ambient occlusion", None, "Quality")?;
+    let caption = "Directions of ambient occlusion that each controller chose (Figure 8, top).";
+    figure(html, files, &svg, caption, &data)?;
+    let off = |flight: &Flight| -> Vec<Option<f64>> {
+        flight.records.iter().map(|r| Some(100.0 * r.off_target().abs())).collect()
+    };
+    let curves: Vec<Curve<'_>> = tour
+        .flights
+        .iter()
+        .map(|flight| Curve { name: &flight.controller, values: off(flight) })
+        .collect();
+    let svg = frames(&curves, "% off the target", Some(5.0), "Distance from the target")?;
+    let caption = "How far frames are from the target (after Figure 8, below).";
+    figure(html, files, &svg, caption, &data)?;
+    if !tour.ranks.is_empty() {
+        add_table(html, files, &ranks(tour, number))?;
+    }
+    Ok(())
+}
+
+/// A row a controller.
+pub(super) fn summary(tour: &Tour, number: usize) -> Table {
+    let mut table = Table::new(format!("tune-{number}"))
+        .column("controller", Best::Neither)
+        .column_with_digits("model error\n%", Best::Low, 1)
+        .column_with_digits("corrected\n%", Best::Low, 1)
+        .column_with_digits("off target\n%", Best::Low, 1)
+        .column_with_digits("on target\n%", Best::High, 1)
+        .column_with_digits("worst\n%", Best::Low, 1)
+        .column_with_digits("off after\na turn", Best::Low, 0)
+        .column_with_digits("rung", Best::Neither, 1)
+        .column_with_digits("turned\nback", Best::Low, 0);
+    for flight in &tour.flights {
+        let s = flight.summary;
+        let percent = |x: Option<f64>| x.map(|x| 100.0 * x);
+        table.push(vec![
+            flight.controller.as_str().into(),
+            percent(s.and_then(|s| s.model_error)).into(),
+            percent(s.and_then(|s| s.corrected_error)).into(),
+            percent(s.map(|s| s.target_error)).into(),
+            percent(s.map(|s| s.on_target)).into(),
+            percent(s.map(|s| s.worst)).into(),
+            flight.off_after_turn.into(),
+            s.map(|s| s.mean_rung).into(),
+            s.map(|s| s.flicker).into(),
+        ]);
+    }
+    table
+}
+
+/// A row a view.
+pub(super) fn ranks(tour: &Tour, number: usize) -> Table {
+    let mut table = Table::new(format!("tune-{number}-ranks"))
+        .column_with_digits("frame", Best::Neither, 0)
+        .column_with_digits("settings", Best::Neither, 0)
+        .column_with_digits("τ", Best::High, 3);
+    for rank in &tour.ranks {
+        table.push(vec![(rank.frame as usize).into(), rank.rungs.len().into(), rank.tau.into()]);
+    }
+    table
+}
+
+/// A row a frame and controller.
+fn records(tour: &Tour, number: usize) -> Table {
+    let mut table = Table::new(format!("tune-{number}-frames"))
+        .column("controller", Best::Neither)
+        .column_with_digits("frame", Best::Neither, 0)
+        .column_with_digits("rung", Best::Neither, 0)
+        .column_with_digits("ao rays", Best::Neither, 0)
+        .column("model ms", Best::Neither)
+        .column("predicted ms", Best::Neither)
+        .column("measured ms", Best::Neither)
+        .column("status", Best::Neither);
+    for flight in &tour.flights {
+        for r in &flight.records {
+            let rays = tour.ao_rays.get(r.rung).copied().map(usize::from);
+            table.push(vec![
+                flight.controller.as_str().into(),
+                (r.frame as f64).into(),
+                r.rung.into(),
+                rays.into(),
+                r.model_ms.into(),
+                r.predicted_ms.into(),
+                r.measured_ms.into(),
+                format!("{:?}", r.status).into(),
+            ]);
+        }
+    }
+    table
+}

@@ -1,0 +1,69 @@
+//! What `tune.json` holds.
+
+use crate::results::{Failure, Run};
+use niwaki_frame_control::{FrameRecord, Summary};
+use serde::{Deserialize, Serialize};
+
+/// Everything of a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Study {
+    /// Version of the layout.
+    pub(super) schema: u32,
+    pub(super) run: Run,
+    pub(super) tours: Vec<Tour>,
+    pub(super) failures: Vec<Failure>,
+}
+
+/// A scene on a device.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Tour {
+    pub(super) scene: String,
+    pub(super) triangles: usize,
+    /// Depth of the tree.
+    pub(super) depth: usize,
+    pub(super) device: String,
+    pub(super) is_simulated: bool,
+    /// The table that the model used: its name and where its numbers are from.
+    pub(super) model: String,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) target_ms: f64,
+    /// Directions of ambient occlusion of each rung.
+    pub(super) ao_rays: Vec<u16>,
+    pub(super) flights: Vec<Flight>,
+    /// Milliseconds that sampling a view took, median.
+    pub(super) sampling_ms: f64,
+    /// Frames whose workload was not yet there: that of an earlier view was used.
+    pub(super) late_samples: usize,
+    /// Microseconds of a prediction.
+    pub(super) prediction_us: f64,
+    pub(super) ranks: Vec<Rank>,
+}
+
+/// A controller along the path.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Flight {
+    pub(super) controller: String,
+    pub(super) records: Vec<FrameRecord>,
+    /// Of all frames but the first ten, in which controllers learn.
+    pub(super) summary: Option<Summary>,
+    /// Frames of the ten after a turn that are off by more than a tenth.
+    pub(super) off_after_turn: Option<usize>,
+}
+
+/// How well the model orders settings in a view.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Rank {
+    pub(super) frame: u32,
+    /// Kendall's τ-b of predicted and measured times over the rungs.
+    pub(super) tau: Option<f64>,
+    /// Rung, predicted and measured milliseconds.
+    pub(super) rungs: Vec<(usize, f64, f64)>,
+}
+
+impl Tour {
+    /// What the tables call it.
+    pub(super) fn title(&self) -> String {
+        format!("{} on {}", self.scene, self.device)
+    }
+}
