@@ -29,6 +29,7 @@ fn frames() -> Vec<(Workload, RaySettings)> {
                 coalescing: random.f64(),
                 shadow_traversals: 20.0 * random.f64(),
                 shadow_intersections: 3.0 * random.f64(),
+                shadow_rays: random.f64(),
                 samples: 576,
             };
             (view, RaySettings { ao_rays: f64::from(i % 9), shadows: i % 2 == 0 })
