@@ -29,9 +29,10 @@ pub struct Calibration {
 }
 
 /// Factors on the parameters that are fitted.
-const PARAMETERS: usize = 4;
+const PARAMETERS: usize = 5;
 
-/// Fits latency, both departure delays and the cycles of an instruction to frames that were drawn.
+/// Fits latency, both departure delays, the cycles of an instruction, and the constant of the cache
+/// of AO rays ([`crate::Constants::cached_traversals`]) to frames that were drawn.
 ///
 /// Minimises the mean square of the logarithm of predicted over measured time by a pattern search
 /// over factors (Hooke and Jeeves 1961): no derivatives, which the model has not everywhere, and
@@ -110,8 +111,10 @@ fn directions() -> impl Iterator<Item = [f64; PARAMETERS]> {
 
 /// The model whose parameters are these powers of e times as large.
 fn with(model: &FrameModel, at: [f64; PARAMETERS]) -> FrameModel {
-    let [latency, coalesced, uncoalesced, issue] = at.map(|x| x.clamp(-9.2, 9.2).exp());
+    let [latency, coalesced, uncoalesced, issue, cached] = at.map(|x| x.clamp(-9.2, 9.2).exp());
     let mut model = model.clone();
+    let constants = &mut model.constants;
+    constants.cached_traversals = (constants.cached_traversals * cached).clamp(1e-3, 1e9);
     let Device {
         memory_latency_cycles,
         departure_delay_coalesced_cycles,
