@@ -45,11 +45,11 @@ pub(super) struct Runs<'a> {
 impl<'a> Runs<'a> {
     pub(super) fn new(gpu: &'a Device, settings: &Settings) -> Result<Self, MicrobenchError> {
         let info = gpu.info();
-        let bytes = settings.working_set_bytes.unwrap_or_else(|| match info.kind {
+        let bytes = settings.working_set_bytes.unwrap_or(match info.kind {
             DeviceKind::Discrete | DeviceKind::Virtual => 256 << 20,
             _ => 64 << 20,
         });
-        let limit = info.max_binding_bytes.min(info.max_buffer_bytes).min(1 << 31).max(1 << 16);
+        let limit = info.max_binding_bytes.min(info.max_buffer_bytes).clamp(1 << 16, 1 << 31);
         // The largest power of two that the device can bind.
         let limit = 1 << limit.ilog2();
         let bytes = bytes.clamp(1 << 16, limit).next_power_of_two().min(limit);
