@@ -1,10 +1,19 @@
 //! Instructions of the kernels that trace rays, counted in their SPIR-V: what rays take as a rule.
+//! Beside them, what the driver's compiler made of the same kernels, where it tells.
 
 use niwaki_gpu_model::KernelCounts;
 use niwaki_shaders::Options;
+use niwaki_trace_vulkan::{Device, DeviceOptions};
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let options = DeviceOptions { statistics: true, ..DeviceOptions::default() };
+    let device = Device::open(&options);
+    match &device {
+        Ok(device) if device.info().has_statistics => println!("{}", device.name()),
+        Ok(device) => println!("{} tells no statistics of its kernels", device.name()),
+        Err(error) => println!("{error}"),
+    }
     println!(
         "{:24} {:>18} {:>18} {:>18}",
         "compute + memory", "a traversal", "an intersection", "constant"
@@ -24,6 +33,14 @@ fn main() -> Result<(), Box<dyn Error>> {
                     pair(c.compute_per_intersection, c.memory_per_intersection),
                     pair(c.compute_constant, c.memory_constant),
                 );
+                if let Ok(device) = device.as_ref()
+                    && device.info().has_statistics
+                {
+                    let kernel = device.kernel(module, "main", &[("MODE", mode), ("ANY", any)])?;
+                    for one in kernel.statistics()? {
+                        println!("    {}: {} ({})", one.name, one.value, one.description);
+                    }
+                }
             }
         }
     }

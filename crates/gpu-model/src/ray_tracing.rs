@@ -45,11 +45,35 @@ pub struct Constants {
     pub cached_traversals: f64,
     /// The ½ in `a_m`: intersections of an AO ray that read memory. At least 0. Default 0.5.
     pub ao_intersections: f64,
+    /// Compute instructions of an AO or shadow ray outside of both loops: its set-up. At least 0.
+    /// Default 0, as the paper has none.
+    pub compute_per_secondary_ray: f64,
+    /// Memory instructions of an AO or shadow ray outside of both loops. At least 0. Default 0, as
+    /// the paper has none.
+    pub memory_per_secondary_ray: f64,
 }
 
 impl Default for Constants {
     fn default() -> Self {
-        Self { cached_traversals: 23.0, ao_intersections: 0.5 }
+        Self {
+            cached_traversals: 23.0,
+            ao_intersections: 0.5,
+            compute_per_secondary_ray: 0.0,
+            memory_per_secondary_ray: 0.0,
+        }
+    }
+}
+
+impl Constants {
+    /// For kernels whose invocations trace one ray of any kind each, such as those of
+    /// `niwaki-trace-vulkan`: the set-up of every ray is that of the first.
+    #[must_use]
+    pub fn for_single_rays(counts: &KernelCounts) -> Self {
+        Self {
+            compute_per_secondary_ray: counts.compute_constant,
+            memory_per_secondary_ray: counts.memory_constant,
+            ..Self::default()
+        }
     }
 }
 
@@ -78,7 +102,8 @@ impl Instructions {
     /// `a_ca = 1 − min(1, 2^−((a_t + p_t)/23 − 1))`,
     /// `a_m = a_ca·(i_mt·a_t·a_r + t_v·i_mi·a_r/2)`,
     /// `i_mu = i_t·(1 − m) + a_m`, `i_mc = i_t·m`. With shadows, `p_t` and `p_i` include the shadow
-    /// rays', but for the `p_t` of `a_ca`.
+    /// rays', but for the `p_t` of `a_ca`. What [`Constants`] give for each secondary ray is added to
+    /// `i_c`, `i_t` and the bracket of `a_m`.
     ///
     /// # Errors
     /// [`ModelError::OutOfRange`] for numbers that are negative, NaN or above 10¹⁵, and for an m
@@ -94,26 +119,33 @@ impl Instructions {
         check("ao_rays", settings.ao_rays, 0.0, 1e9, "between 0 and 1e9")?;
         check("cached_traversals", constants.cached_traversals, 1e-6, 1e15, "above 0")?;
         check("ao_intersections", constants.ao_intersections, 0.0, 1e15, COUNT)?;
-        let [s_t, s_i] = if settings.shadows {
-            [workload.shadow_traversals, workload.shadow_intersections]
+        let (per_ray, loads_per_ray) =
+            (constants.compute_per_secondary_ray, constants.memory_per_secondary_ray);
+        check("compute_per_secondary_ray", per_ray, 0.0, 1e6, "between 0 and 1e6")?;
+        check("memory_per_secondary_ray", loads_per_ray, 0.0, 1e6, "between 0 and 1e6")?;
+        let [s_t, s_i, s_r] = if settings.shadows {
+            [workload.shadow_traversals, workload.shadow_intersections, workload.shadow_rays]
         } else {
-            [0.0; 2]
+            [0.0; 3]
         };
         let (p_t, p_i) = (workload.primary_traversals, workload.primary_intersections);
         let (a_t, a_w) = (workload.ao_traversals, workload.ao_intersections);
         let (t_v, a_r, m) = (workload.visible_triangles, settings.ao_rays, workload.coalescing);
         let compute = counts.compute_per_traversal * (a_t * a_r + p_t + s_t)
             + counts.compute_per_intersection * (p_i + s_i + a_w * t_v * a_r)
-            + counts.compute_constant;
+            + counts.compute_constant
+            + per_ray * (t_v * a_r + s_r);
         let initial_memory = (counts.memory_per_traversal * (p_t + s_t)
             + counts.memory_per_intersection * (p_i + s_i)
-            + counts.memory_constant)
+            + counts.memory_constant
+            + loads_per_ray * s_r)
             * (1.0 - m * m);
         let cached = (-((a_t + p_t) / constants.cached_traversals - 1.0)).exp2().min(1.0);
         let ao_cache = 1.0 - cached;
         let ao_memory = ao_cache
             * (counts.memory_per_traversal * a_t * a_r
-                + t_v * counts.memory_per_intersection * a_r * constants.ao_intersections);
+                + t_v * counts.memory_per_intersection * a_r * constants.ao_intersections
+                + loads_per_ray * t_v * a_r);
         let uncoalesced = initial_memory * (1.0 - m) + ao_memory;
         let coalesced = initial_memory * m;
         Ok(Self { compute, initial_memory, ao_cache, ao_memory, uncoalesced, coalesced })

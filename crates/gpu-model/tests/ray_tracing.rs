@@ -25,6 +25,7 @@ const VIEW: Workload = Workload {
     coalescing: 0.5,
     shadow_traversals: 7.0,
     shadow_intersections: 1.0,
+    shadow_rays: 0.25,
     samples: 576,
 };
 
@@ -51,6 +52,19 @@ fn shadows_count_like_primary_rays() {
     let i = Instructions::of(&COUNTS, &VIEW, &on, &Constants::default()).unwrap();
     assert_eq!(i.compute, 38.0 * 37.0 + 23.0 * 5.0 + 60.0);
     assert_eq!(i.initial_memory, (5.0 * 37.0 + 3.0 * 5.0 + 4.0) * 0.75);
+}
+
+/// Kernels that trace one ray an invocation set each ray up.
+#[test]
+fn secondary_rays_have_a_set_up() {
+    let settings = RaySettings { ao_rays: 8.0, shadows: true };
+    let without = Instructions::of(&COUNTS, &VIEW, &settings, &Constants::default()).unwrap();
+    let constants = Constants::for_single_rays(&COUNTS);
+    let with = Instructions::of(&COUNTS, &VIEW, &settings, &constants).unwrap();
+    // Half of the pixels send 8 AO rays, a quarter a shadow ray.
+    assert_eq!(with.compute - without.compute, 60.0 * 4.25);
+    assert_eq!(with.initial_memory - without.initial_memory, 4.0 * 0.25 * 0.75);
+    assert_eq!(with.ao_memory - without.ao_memory, 0.5 * 4.0 * 4.0);
 }
 
 #[test]

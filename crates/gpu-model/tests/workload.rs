@@ -93,6 +93,7 @@ fn sums_are_those_of_the_rays() {
     assert!(workload.ao_traversals > 0.0 && workload.ao_intersections > 0.0);
     // Walls take no ray of a light from above.
     assert!(workload.shadow_traversals > 0.0);
+    assert!(workload.shadow_rays > 0.0 && workload.shadow_rays < workload.visible_triangles);
     assert!(workload.check().is_ok() && !workload.is_empty());
 }
 

@@ -35,6 +35,8 @@ pub struct Workload {
     pub shadow_traversals: f64,
     /// Triangles a pixel that those test. Not in the paper.
     pub shadow_intersections: f64,
+    /// Shadow rays a pixel: visible points times the lights that they face. Not in the paper.
+    pub shadow_rays: f64,
     /// Primary rays that were sampled.
     pub samples: u32,
 }
@@ -60,6 +62,7 @@ impl Workload {
             ("ao_intersections", self.ao_intersections),
             ("shadow_traversals", self.shadow_traversals),
             ("shadow_intersections", self.shadow_intersections),
+            ("shadow_rays", self.shadow_rays),
         ] {
             check(field, value, 0.0, 1e9, "between 0 and 1e9")?;
         }

@@ -235,6 +235,7 @@ impl Sampling {
             // Lights behind the surface take no ray.
             if ray.direction.dot(normal) > 0.0 {
                 sums.shadow += kernel.any(&ray).1;
+                sums.shadow_rays += 1;
             }
         }
     }
@@ -246,6 +247,7 @@ struct Sums {
     ao: Counts,
     shadow: Counts,
     hits: u64,
+    shadow_rays: u64,
 }
 
 impl Sums {
@@ -263,6 +265,7 @@ impl Sums {
             coalescing,
             shadow_traversals: per(self.shadow.nodes, pixels),
             shadow_intersections: per(self.shadow.triangles, pixels),
+            shadow_rays: per(self.shadow_rays, pixels),
             samples: u32::try_from(samples).unwrap_or(u32::MAX),
         }
     }
