@@ -9,13 +9,14 @@ use crate::{Error, admissible_gain};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CorrectionConfig {
     /// Share of the present error that a measurement removes, above 0 and below
-    /// [`admissible_gain`]. Small is slow and smooth; default 0.2.
+    /// [`admissible_gain`]. Small is slow and smooth, large
+    /// follows errors that drift with the view; default 0.5.
     pub gain: f64,
     /// Takes the plain mean of the measurements until there are 1 / `gain` of them, so that a large
     /// constant error is gone after one frame. Default true.
     pub warm_up: bool,
     /// Most that a measurement moves the logarithm of the correction, once a first one has set
-    /// it; above 0. Default 0.35 (a factor of 1.42).
+    /// it; above 0. Default 0.7 (a factor of 2).
     pub max_rate: f64,
     /// Bound on the correction: it stays within 1 / `max_correction` and `max_correction`. Above
     /// 1, up to 1e6, default 64.
@@ -35,9 +36,9 @@ pub struct CorrectionConfig {
 impl Default for CorrectionConfig {
     fn default() -> Self {
         Self {
-            gain: 0.2,
+            gain: 0.5,
             warm_up: true,
-            max_rate: 0.35,
+            max_rate: 0.7,
             max_correction: 64.0,
             outlier_threshold: Some(4.0),
             delay: 3,
@@ -128,7 +129,7 @@ pub struct Correction {
     config: CorrectionConfig,
     /// Logarithm of the factor.
     theta: f64,
-    /// Measurements since the start or the last confirmed step.
+    /// Measurements since the start, the last restart or the last confirmed step.
     seen: u32,
     /// Running mean of the absolute error.
     scale: f64,
@@ -195,19 +196,27 @@ impl Correction {
                 }
                 None => {
                     self.suspect = Some(ratio);
-                    (limit.copysign(error) * self.config.gain, Verdict::Suspect)
+                    // All that it says for sure is its sign.
+                    (self.scale.copysign(error) * self.config.gain, Verdict::Suspect)
                 }
             }
         };
         let rate = if first { f64::INFINITY } else { self.config.max_rate };
         self.theta = (self.theta + step.clamp(-rate, rate)).clamp(-bound, bound);
         if !first {
-            self.scale += SCALE_GAIN * (error.abs().min(MOST_LIMIT) - self.scale);
+            self.scale += SCALE_GAIN * (error.abs().min(limit).min(MOST_LIMIT) - self.scale);
         }
         if verdict != Verdict::Suspect {
             self.seen = self.seen.saturating_add(1);
         }
         verdict
+    }
+
+    /// Believes the next measurement as if it were the first, because the workload is a different one
+    /// now and the predictor's error with it. The factor stays until then.
+    pub fn restart(&mut self) {
+        self.seen = 0;
+        self.suspect = None;
     }
 
     /// Forgets everything: for a new scene or device.
