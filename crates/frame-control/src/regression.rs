@@ -1,5 +1,7 @@
 //! A predictor without a model of the device: linear regression on counters, learnt while running.
 
+use std::collections::VecDeque;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::within;
@@ -29,7 +31,7 @@ impl Default for RegressionConfig {
 /// bound, coefficients of opposite signs that cancel on a smooth path predict nonsense after a turn.
 ///
 /// Errors are relative: a frame's features are divided by its time, and their weighted sum should be
-/// one. Solved anew for each measurement from sums of products, so that nothing winds up; while a
+/// one. Solved anew for each measurement from the last 128, so that nothing winds up; while a
 /// coefficient is negative, the most negative one is set to zero and the rest solved again (the
 /// inner loop of Lawson and Hanson 1974, *Solving Least Squares Problems*, chapter 23).
 #[derive(Clone, Debug)]
@@ -37,14 +39,15 @@ pub struct Regression<const N: usize> {
     forgetting: f64,
     ridge: f64,
     coefficients: [f64; N],
-    /// Weighted sums of products of features, and of features, each over its frame's time.
-    products: [[f64; N]; N],
-    sums: [f64; N],
-    seen: u32,
+    /// Features over the time of their frame, newest first. A window, not running sums: however large
+    /// a sample was, it is gone when it leaves.
+    samples: VecDeque<[f64; N]>,
     /// Measurements in a row that predictions missed by more than [`LOST_FACTOR`].
     lost: u32,
 }
 
+/// Measurements that count; with the default forgetting the oldest weighs 2 %.
+const WINDOW: usize = 128;
 /// Factor by which a prediction is beyond repair: such a time is not learnt, because with the weight
 /// of its square it would spoil hundreds of frames. So many in a row start the regression again.
 const LOST_FACTOR: f64 = 8.0;
@@ -62,9 +65,7 @@ impl<const N: usize> Regression<N> {
             forgetting,
             ridge,
             coefficients: [0.0; N],
-            products: [[0.0; N]; N],
-            sums: [0.0; N],
-            seen: 0,
+            samples: VecDeque::with_capacity(WINDOW),
             lost: 0,
         }
     }
@@ -76,7 +77,7 @@ impl<const N: usize> Regression<N> {
 
     /// Milliseconds; NaN before the first measurement and where the features are not finite.
     fn predict(&self, features: &[f64; N]) -> f64 {
-        if self.seen == 0 {
+        if self.samples.is_empty() {
             return f64::NAN;
         }
         self.coefficients.iter().zip(features).map(|(c, x)| c * x).sum()
@@ -92,7 +93,7 @@ impl<const N: usize> Regression<N> {
             return Verdict::Absurd;
         }
         let ratio = self.predict(features) / measured_ms;
-        if self.seen > 0 && !(1.0 / LOST_FACTOR..=LOST_FACTOR).contains(&ratio) {
+        if !self.samples.is_empty() && !(1.0 / LOST_FACTOR..=LOST_FACTOR).contains(&ratio) {
             self.lost += 1;
             if self.lost < LOST_FRAMES {
                 return Verdict::Suspect;
@@ -100,23 +101,34 @@ impl<const N: usize> Regression<N> {
             *self = Self::empty(self.forgetting, self.ridge);
         }
         self.lost = 0;
-        for i in 0..N {
-            for j in 0..N {
-                self.products[i][j] = self.forgetting * self.products[i][j] + x[i] * x[j];
-            }
-            self.sums[i] = self.forgetting * self.sums[i] + x[i];
-        }
+        self.samples.truncate(WINDOW - 1);
+        self.samples.push_front(x);
         self.coefficients = self.solve();
-        self.seen = self.seen.saturating_add(1);
         Verdict::Used
     }
 
     /// The coefficients that fit best of those that are not negative.
     fn solve(&self) -> [f64; N] {
+        let mut products = [[0.0; N]; N];
+        let mut sums = [0.0; N];
+        let mut weight = 1.0;
+        for x in &self.samples {
+            for i in 0..N {
+                for j in 0..N {
+                    products[i][j] += weight * x[i] * x[j];
+                }
+                sums[i] += weight * x[i];
+            }
+            weight *= self.forgetting;
+        }
+        for (i, row) in products.iter_mut().enumerate() {
+            // Relative, so that the unit of a feature does not matter.
+            row[i] *= 1.0 + self.ridge;
+        }
         // A feature that was never there costs nothing.
-        let mut free = self.products_diagonal().map(|square| square > 0.0);
+        let mut free: [bool; N] = core::array::from_fn(|i| products[i][i] > 0.0);
         loop {
-            let solution = self.solve_free(&free);
+            let solution = solve_free(&products, &sums, &free);
             let most_negative = (0..N)
                 .filter(|&i| solution[i] < 0.0)
                 .min_by(|&i, &j| solution[i].total_cmp(&solution[j]));
@@ -126,48 +138,46 @@ impl<const N: usize> Regression<N> {
             }
         }
     }
+}
 
-    fn products_diagonal(&self) -> [f64; N] {
-        core::array::from_fn(|i| self.products[i][i])
+/// Solves products · coefficients = sums for the free ones, the others being zero, by Gauss's
+/// elimination: the matrix is positive definite, so no pivoting is needed.
+fn solve_free<const N: usize>(
+    products: &[[f64; N]; N],
+    sums: &[f64; N],
+    free: &[bool; N],
+) -> [f64; N] {
+    let mut matrix = *products;
+    let mut right = *sums;
+    for i in 0..N {
+        for j in 0..N {
+            if !free[i] || !free[j] {
+                matrix[i][j] = f64::from(u8::from(i == j));
+            }
+        }
+        if !free[i] {
+            right[i] = 0.0;
+        }
     }
-
-    /// Solves (products + ridge) · coefficients = sums for the free ones, the others being zero, by
-    /// Gauss's elimination: the matrix is positive definite, so no pivoting is needed.
-    fn solve_free(&self, free: &[bool; N]) -> [f64; N] {
-        let mut matrix = self.products;
-        let mut right = self.sums;
-        for i in 0..N {
-            // Relative, so that the unit of a feature does not matter.
-            matrix[i][i] *= 1.0 + self.ridge;
-            for j in 0..N {
-                if !free[i] || !free[j] {
-                    matrix[i][j] = f64::from(u8::from(i == j));
-                }
+    for column in 0..N {
+        let pivot = matrix[column];
+        // Rounding may leave nothing of the ridge.
+        let diagonal = pivot[column].max(f64::MIN_POSITIVE);
+        for row in column + 1..N {
+            let share = matrix[row][column] / diagonal;
+            for (entry, above) in matrix[row].iter_mut().zip(&pivot).skip(column) {
+                *entry -= share * above;
             }
-            if !free[i] {
-                right[i] = 0.0;
-            }
+            right[row] -= share * right[column];
         }
-        for column in 0..N {
-            let pivot = matrix[column];
-            // Rounding may leave nothing of the ridge.
-            let diagonal = pivot[column].max(f64::MIN_POSITIVE);
-            for row in column + 1..N {
-                let share = matrix[row][column] / diagonal;
-                for (entry, above) in matrix[row].iter_mut().zip(&pivot).skip(column) {
-                    *entry -= share * above;
-                }
-                right[row] -= share * right[column];
-            }
-        }
-        let mut solution = [0.0; N];
-        for row in (0..N).rev() {
-            let known: f64 = (row + 1..N).map(|j| matrix[row][j] * solution[j]).sum();
-            let value = (right[row] - known) / matrix[row][row].max(f64::MIN_POSITIVE);
-            solution[row] = if value.is_finite() { value } else { 0.0 };
-        }
-        solution
     }
+    let mut solution = [0.0; N];
+    for row in (0..N).rev() {
+        let known: f64 = (row + 1..N).map(|j| matrix[row][j] * solution[j]).sum();
+        let value = (right[row] - known) / matrix[row][row].max(f64::MIN_POSITIVE);
+        solution[row] = if value.is_finite() { value } else { 0.0 };
+    }
+    solution
 }
 
 /// The present-day baseline: the inner loop over a [`Regression`] on counters that `features` makes

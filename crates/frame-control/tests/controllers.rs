@@ -170,9 +170,11 @@ proptest! {
                 controller.measure(decision.frame.saturating_sub(*late), *time);
             }
             let mut off = 0.0;
-            for _ in 0..400 {
-                let decision = controller.decide(&40.0);
-                let time = 1.25 * model(&(1 + u32::try_from(decision.rung).unwrap()), &40.0);
+            // A view that moves: a still one would never show a regression what it got wrong.
+            for frame in 0..400 {
+                let steps = 40.0 + 8.0 * (0.3 * f64::from(frame)).sin();
+                let decision = controller.decide(&steps);
+                let time = 1.25 * model(&(1 + u32::try_from(decision.rung).unwrap()), &steps);
                 controller.measure(decision.frame, Some(time));
                 off = (time / 16.0 - 1.0).abs();
             }
