@@ -49,13 +49,13 @@ pub struct InnerConfig {
     pub search: Search,
     /// Share of the target by which another rung has to be better than the present one before
     /// quality changes, so that it does not flicker between neighbours; within 0 and 0.5, default
-    /// 0.015. A rung that no longer meets an [`Aim::AtMost`] is left at once whatever this says.
+    /// 0.01. A rung that no longer meets an [`Aim::AtMost`] is left at once whatever this says.
     pub hysteresis: f64,
 }
 
 impl Default for InnerConfig {
     fn default() -> Self {
-        Self { aim: Aim::Nearest, search: Search::default(), hysteresis: 0.015 }
+        Self { aim: Aim::Nearest, search: Search::default(), hysteresis: 0.01 }
     }
 }
 

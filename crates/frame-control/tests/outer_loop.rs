@@ -62,6 +62,7 @@ fn matching_late_measurements_keeps_large_gains_stable() {
     let (delay, gain) = (4_usize, 0.8);
     let config = CorrectionConfig {
         gain,
+        max_gain: gain,
         delay: 4,
         sensitivity: 0.5,
         warm_up: false,
@@ -89,7 +90,13 @@ fn matching_late_measurements_keeps_large_gains_stable() {
 #[test]
 fn unstable_gains_are_errors_that_name_the_bound() {
     let gain = |gain, delay, sensitivity| {
-        let config = CorrectionConfig { gain, delay, sensitivity, ..CorrectionConfig::default() };
+        let config = CorrectionConfig {
+            gain,
+            max_gain: gain,
+            delay,
+            sensitivity,
+            ..CorrectionConfig::default()
+        };
         Correction::new(config).map(|_| ())
     };
     assert_eq!(gain(0.99, 64, 1.0), Ok(()));
@@ -201,6 +208,7 @@ proptest! {
         let gain = f64::from(per_mille) / 1000.0;
         let config = CorrectionConfig {
             gain,
+            max_gain: gain.max(0.8),
             max_correction,
             warm_up,
             outlier_threshold: outliers.then_some(4.0),
