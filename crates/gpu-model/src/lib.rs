@@ -31,15 +31,23 @@
 //! | [`ray_tracing`] | instructions of a ray-traced frame from its workload, and [`FrameModel`] |
 //! | [`device`] | parameters of devices as TOML tables |
 //! | [`program`] | what a kernel does and how it is launched |
-//! | [`workload`] | what the rays of a view do |
+//! | `microbench` | parameters of the device at hand, measured (feature `vulkan`) |
+//! | [`calibrate`](mod@calibrate) | parameters that fit the times of frames that were drawn |
+//! | [`counts`] | instructions of a kernel, counted in its SPIR-V |
+//! | [`workload`] | what the rays of a view do, sampled on the CPU |
 
+pub mod calibrate;
+pub mod counts;
 pub mod device;
 pub mod hong_kim;
+#[cfg(feature = "vulkan")]
+pub mod microbench;
 pub mod program;
 pub mod ray_tracing;
 pub mod shortened;
 pub mod workload;
 
+pub use counts::CountError;
 pub use device::{Device, DeviceError};
 pub use program::{ModelError, Occupancy, Program};
 pub use ray_tracing::{

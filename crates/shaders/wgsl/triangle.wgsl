@@ -138,6 +138,9 @@ fn met_watertight(test: Test, v0: vec3f, v1: vec3f, v2: vec3f) -> Hit {
         let t = divide(depth, det * test.direction.z);
         return Hit(positive_zero(t), divide(w.y, det), divide(w.z, det), 0u);
     }
+    if !RARE {
+        return MISS;
+    }
     return decided(a, b, c, test.direction.z);
 }
 

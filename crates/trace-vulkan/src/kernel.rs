@@ -68,8 +68,15 @@ impl Device {
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(pipeline.modules.first().copied().unwrap_or_default())
             .name(&entry);
-        let create =
-            [vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout)];
+        let flags = if self.inner.executables.is_some() {
+            vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
+        } else {
+            vk::PipelineCreateFlags::empty()
+        };
+        let create = [vk::ComputePipelineCreateInfo::default()
+            .flags(flags)
+            .stage(stage)
+            .layout(pipeline.layout)];
         // SAFETY: module, entry point and layout belong together.
         let made = unsafe {
             let cache = self.inner.pipeline_cache;

@@ -22,6 +22,7 @@ mod lbvh;
 mod memory;
 mod pipeline;
 mod scene;
+mod statistics;
 mod timing;
 mod tracer;
 
@@ -33,6 +34,7 @@ pub use error::GpuError;
 pub use kernel::Kernel;
 pub use lbvh::{GpuLbvh, LbvhConfig, LbvhError, LbvhTimes, LbvhWorkspace};
 pub use scene::{DeviceTree, GpuScene, TreeLayout};
+pub use statistics::{Statistic, StatisticValue};
 pub use timing::Timings;
 pub use tracer::{Query, Schedule, Trace, Tracer};
 

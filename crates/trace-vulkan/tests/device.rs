@@ -168,3 +168,33 @@ fn a_device_that_does_not_answer_is_lost() {
     assert!(matches!(device.batch(), Err(GpuError::DeviceLost { .. })));
     // Dropping everything now must do no harm.
 }
+
+#[test]
+fn a_device_may_be_used_without_its_timestamps() {
+    let options = DeviceOptions { timestamps: false, ..DeviceOptions::checked() };
+    let Some(device) = device_with(&options) else { return };
+    let mut batch = device.batch().unwrap();
+    batch.mark("begin").unwrap();
+    batch.mark("end").unwrap();
+    assert_eq!(batch.submit().unwrap().total(), None);
+    assert_silent(&device);
+}
+
+#[test]
+fn statistics_are_told_or_missed_by_name() {
+    let Some(device) = device() else { return };
+    let error = kernel(&device, 1.0).statistics().unwrap_err().to_string();
+    assert!(error.contains("DeviceOptions::statistics"), "{error}");
+    let options = DeviceOptions { statistics: true, ..DeviceOptions::checked() };
+    let Some(device) = device_with(&options) else { return };
+    match kernel(&device, 1.0).statistics() {
+        Ok(statistics) => {
+            assert!(device.info().has_statistics);
+            assert!(statistics.iter().all(|one| !one.name.is_empty()), "{statistics:?}");
+        }
+        Err(error) => {
+            assert!(!device.info().has_statistics && matches!(error, GpuError::NotOffered { .. }));
+        }
+    }
+    assert_silent(&device);
+}

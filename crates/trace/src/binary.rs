@@ -1,7 +1,7 @@
 //! The scalar reference kernel over the binary tree.
 
 use crate::{
-    Counts, HitQueries, Mode, SceneError,
+    Counts, HitQueries, Mode, SceneError, Walk,
     counts::Counter,
     prepare::scaled_words,
     query::{
@@ -72,6 +72,13 @@ impl BinaryScene {
     pub fn closest_hit_counted(&self, ray: &Ray) -> (Hit, Counts) {
         let mut counts = Counts::default();
         (self.closest(ray, &mut counts), counts)
+    }
+
+    /// [`Intersector::closest_hit`] with the work it took and where it ended.
+    #[must_use]
+    pub fn closest_hit_walked(&self, ray: &Ray) -> (Hit, Walk) {
+        let mut walk = Walk::default();
+        (self.closest(ray, &mut walk), walk)
     }
 
     /// [`Intersector::any_hit`] with the work it took.
@@ -230,6 +237,7 @@ fn traverse<const ANY: bool, L: Leaves, V: Visitor, C: Counter>(
     let mut index = 0;
     loop {
         let node = &nodes[index];
+        counter.at(index as u64);
         if node.is_leaf() {
             counter.leaf(node.count);
             for reference in node.prim_range() {

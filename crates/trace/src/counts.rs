@@ -40,8 +40,22 @@ impl std::iter::Sum for Counts {
     }
 }
 
+/// The way of a ray through a tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Walk {
+    /// The work.
+    pub counts: Counts,
+    /// Where the ray ended: the node or leaf that it visited last, as a number that is the same for
+    /// the same place in the same scene; `None` if it visited none. Rays with the same end are
+    /// likely to have come the same way (Ganestam and Doggett 2012, section 4.2).
+    pub end: Option<u64>,
+}
+
 /// Where a kernel reports its work; `()` for nowhere, which costs nothing.
 pub(crate) trait Counter {
+    /// A visit of a node or leaf, by any number that is its own.
+    #[inline(always)]
+    fn at(&mut self, _place: u64) {}
     fn node(&mut self, boxes: u32);
     fn boxes(&mut self, boxes: u32);
     fn leaf(&mut self, triangles: u32);
@@ -67,5 +81,20 @@ impl Counter for Counts {
     fn leaf(&mut self, triangles: u32) {
         self.leaves += 1;
         self.triangles += u64::from(triangles);
+    }
+}
+
+impl Counter for Walk {
+    fn at(&mut self, place: u64) {
+        self.end = Some(place);
+    }
+    fn node(&mut self, boxes: u32) {
+        self.counts.node(boxes);
+    }
+    fn boxes(&mut self, boxes: u32) {
+        self.counts.boxes(boxes);
+    }
+    fn leaf(&mut self, triangles: u32) {
+        self.counts.leaf(triangles);
     }
 }

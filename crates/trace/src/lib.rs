@@ -27,7 +27,7 @@
 //! | [`MeshQueries`] | what is nearest to a point, what meets a box |
 //! | [`Batches`] | slices of rays, on one thread or all |
 //! | [`BruteForce`] | every triangle tested: what the kernels are compared with |
-//! | [`Counts`] | boxes, triangles, nodes and leaves that a ray visited |
+//! | [`Counts`], [`Walk`] | boxes, triangles, nodes and leaves that a ray visited, and where it ended |
 //!
 //! In each mode, all of them use one sequence of triangle arithmetic, fused multiply-adds
 //! included, so a hit has the same `t`, `u` and `v` to the last bit whichever kernel found it, and
@@ -60,7 +60,7 @@ mod wide;
 pub use auto::AutoScene;
 pub use binary::BinaryScene;
 pub use brute::{BruteForce, brute_force, brute_force_all, brute_force_any, brute_force_in};
-pub use counts::Counts;
+pub use counts::{Counts, Walk};
 pub use double::{DoubleHit, DoubleRay, DoubleScene, DoubleSceneError};
 pub use error::SceneError;
 pub use kernel::Kernel;

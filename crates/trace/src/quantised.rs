@@ -3,7 +3,7 @@
 #[cfg(target_arch = "x86_64")]
 use crate::kernels::{avx2, avx2_4, avx512, avx512_16, sse42};
 use crate::{
-    Counts, HitQueries, Kernel, Mode, SceneError, WideScene,
+    Counts, HitQueries, Kernel, Mode, SceneError, Walk, WideScene,
     kernels::scalar,
     query::{
         hits::Traverse,

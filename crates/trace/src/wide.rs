@@ -3,7 +3,7 @@
 #[cfg(target_arch = "x86_64")]
 use crate::kernels::{avx2, avx2_4, avx512, avx512_16, sse42};
 use crate::{
-    Counts, HitQueries, Kernel, Mode, SceneError,
+    Counts, HitQueries, Kernel, Mode, SceneError, Walk,
     flat::{NEVER_HIT, closing, is_flat},
     kernels::{batches, scalar},
     query::{
@@ -277,6 +277,18 @@ macro_rules! scene_methods {
                 let hit =
                     scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut counts);
                 (setup.finish(hit), counts)
+            }
+
+            /// [`Intersector::closest_hit`] by the scalar kernel, with the work it took and where
+            /// it ended.
+            #[must_use]
+            pub fn closest_hit_walked(&self, ray: &Ray) -> (Hit, Walk) {
+                let mut walk = Walk::default();
+                let Some(setup) = self.setup(ray) else { return (Hit::MISS, walk) };
+                let closest = Closest::new(setup.t_max);
+                let hit =
+                    scalar::trace::<W, false, _, _, _>(&self.layout, &setup, closest, &mut walk);
+                (setup.finish(hit), walk)
             }
 
             /// [`Intersector::any_hit`] by the scalar kernel, with the work it took.

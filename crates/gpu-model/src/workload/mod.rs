@@ -1,6 +1,14 @@
 //! The workload of a view, sampled on the CPU at low resolution: Paper I of the thesis, sections
 //! 4.1 to 4.3.
 
+mod sampler;
+mod view;
+mod worker;
+
+pub use sampler::{CountingKernel, Pattern, Sampling};
+pub use view::{LightSample, View};
+pub use worker::{BackgroundSampler, Sampled, SampledScene};
+
 use crate::program::{ModelError, check};
 use serde::{Deserialize, Serialize};
 

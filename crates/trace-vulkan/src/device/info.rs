@@ -46,6 +46,9 @@ pub struct DeviceInfo {
     pub max_group_bytes: u32,
     /// Memory of the device, in bytes.
     pub memory_bytes: u64,
+    /// Multiprocessors and the subgroups that each has at once, where the driver tells
+    /// (`VK_NV_shader_sm_builtins`).
+    pub multiprocessors: Option<[u32; 2]>,
     /// Nanoseconds of a timestamp's unit; 0 if the device has no timestamps.
     pub timestamp_ns: f64,
     /// 64-bit integers in shaders.
@@ -57,6 +60,8 @@ pub struct DeviceInfo {
     /// How often a shader's loops may turn, all together, before the driver ends them without a
     /// word: 65,535 in Mesa's software driver. `None` for no limit.
     pub max_loop_turns: Option<u32>,
+    /// Statistics of compiled kernels ([`crate::Kernel::statistics`]).
+    pub has_statistics: bool,
     /// The driver's own ray tracing by ray queries ([`crate::DriverMethod::Query`]).
     pub has_ray_query: bool,
     /// The same by ray-tracing pipelines ([`crate::DriverMethod::Pipeline`]).
@@ -136,6 +141,12 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<C
     let local = memory.memory_heaps_as_slice().iter();
     let local = local.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
     let memory_bytes = local.map(|heap| heap.size).max().unwrap_or_default();
+    let mut cores = vk::PhysicalDeviceShaderSMBuiltinsPropertiesNV::default();
+    if has(ash::nv::shader_sm_builtins::NAME) {
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut cores);
+        // SAFETY: the device has the extension that the structure belongs to.
+        unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
+    }
     let limits = basic.limits;
     let max_binding_bytes = u64::from(limits.max_storage_buffer_range);
     let largest = maintenance3.max_memory_allocation_size;
@@ -173,6 +184,8 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<C
         max_group_invocations: limits.max_compute_work_group_invocations,
         max_group_bytes: limits.max_compute_shared_memory_size,
         memory_bytes,
+        multiprocessors: (cores.shader_sm_count > 0)
+            .then_some([cores.shader_sm_count, cores.shader_warps_per_sm]),
         timestamp_ns: if families[family].timestamp_valid_bits > 0 {
             f64::from(limits.timestamp_period)
         } else {
@@ -183,8 +196,19 @@ fn candidate(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<C
         has_float64: features.shader_float64 == vk::TRUE,
         // LP_MAX_TGSI_LOOP_ITERATIONS of gallivm.
         max_loop_turns: (driver.driver_id == vk::DriverId::MESA_LLVMPIPE).then_some(65_535),
+        has_statistics: has(ash::khr::pipeline_executable_properties::NAME)
+            && tells_statistics(instance, physical),
         has_ray_query: offer.has_query,
         has_ray_pipeline: offer.has_pipeline,
     };
     Some(Candidate { physical, queue_family: niwaki_core::to_u32(family), info, offer })
+}
+
+/// The feature of `VK_KHR_pipeline_executable_properties`, which the device has.
+fn tells_statistics(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
+    let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut executables);
+    // SAFETY: the handle is of this instance, and the device has the structure's extension.
+    unsafe { instance.get_physical_device_features2(physical, &mut features) };
+    executables.pipeline_executable_info == vk::TRUE
 }

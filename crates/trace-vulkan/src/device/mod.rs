@@ -77,6 +77,8 @@ pub(crate) struct DeviceInner {
     pub(crate) pipeline_cache: vk::PipelineCache,
     /// The driver's own, where it is enabled.
     pub(crate) ray_tracing: Option<RayTracing>,
+    /// What tells what compilers made, where it is enabled.
+    pub(crate) executables: Option<ash::khr::pipeline_executable_properties::Device>,
     timestamp_mask: u64,
     queue: Mutex<vk::Queue>,
     is_lost: AtomicBool,
@@ -178,6 +180,10 @@ impl Device {
             info.has_ray_query = false;
             info.has_ray_pipeline = false;
         }
+        if !options.timestamps {
+            info.timestamp_ns = 0.0;
+        }
+        info.has_statistics &= options.statistics;
         if let Some(limit) = options.max_binding_bytes {
             info.max_binding_bytes = info.max_binding_bytes.min(limit);
         }
@@ -192,7 +198,12 @@ impl Device {
             .robust_buffer_access(options.robust);
         let mut atomics = vk::PhysicalDeviceShaderAtomicInt64Features::default()
             .shader_buffer_int64_atomics(info.has_int64_atomics);
-        let extensions = offer.extensions();
+        let mut extensions = offer.extensions();
+        let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
+        if info.has_statistics {
+            extensions.push(ash::khr::pipeline_executable_properties::NAME.as_ptr());
+        }
         let mut of_rays = Features::new();
         let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
@@ -201,6 +212,9 @@ impl Device {
         create = of_rays.ask(&offer, create);
         if info.has_int64_atomics {
             create = create.push_next(&mut atomics);
+        }
+        if info.has_statistics {
+            create = create.push_next(&mut statistics);
         }
         // SAFETY: the device is of this instance, and all features and extensions were found to be
         // there; robust buffer access always is.
@@ -222,8 +236,12 @@ impl Device {
         };
         let bits = families[queue_family as usize].timestamp_valid_bits;
         let ray_tracing = RayTracing::new(&instance.handle, &handle, &offer);
+        let executables = info.has_statistics.then(|| {
+            ash::khr::pipeline_executable_properties::Device::new(&instance.handle, &handle)
+        });
         let inner = DeviceInner {
             handle,
+            executables,
             info,
             timeout: options.timeout,
             queue_family,

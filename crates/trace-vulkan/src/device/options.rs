@@ -27,6 +27,12 @@ pub struct DeviceOptions {
     /// Pretends that bindings are limited to this many bytes, if that is less than the device
     /// allows: for tests of what happens beyond. Default `None`.
     pub max_binding_bytes: Option<u64>,
+    /// Uses the device's timestamps. Without them nothing can be timed, as on devices that have
+    /// none. Default true.
+    pub timestamps: bool,
+    /// Has the driver tell what its compiler made of a kernel ([`crate::Kernel::statistics`]), where
+    /// it can. Costs memory and time when kernels are made. Default false.
+    pub statistics: bool,
 }
 
 impl Default for DeviceOptions {
@@ -38,6 +44,8 @@ impl Default for DeviceOptions {
             timeout: Duration::from_secs(60),
             ray_tracing: true,
             max_binding_bytes: None,
+            timestamps: true,
+            statistics: false,
         }
     }
 }

@@ -91,6 +91,8 @@ fn traverse<
         }
         match child {
             Child::Leaf { first, count } => {
+                // Above all numbers of nodes.
+                counter.at(1 << 32 | u64::from(first));
                 counter.leaf(count);
                 let (first, count) = (first as usize, count as usize);
                 let t_min = setup.t_min;
@@ -101,6 +103,7 @@ fn traverse<
             }
             Child::Node(index) => {
                 let node = &scene.nodes[index as usize];
+                counter.at(u64::from(index));
                 counter.node(node.used());
                 let base = stack.len();
                 node.entries(&slabs, setup.t_min, limit, |slot, entry| {
