@@ -18,7 +18,7 @@ fn main() {
             let turn = Case::turn(device, spec.clone(), scene.clone());
             let cuts = Case::cuts(device, spec, scene.clone());
             println!(
-                "\n{name}, {device}: target {:.0} ms; the model ranks the rungs with tau {:.3}",
+                "\n{name}, {device}: target {:.0} ms; the model ranks settings with tau {:.3}",
                 path.target_ms,
                 path.ranking()
             );

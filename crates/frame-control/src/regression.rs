@@ -13,7 +13,7 @@ use crate::{Controller, Decision, Error, InnerConfig, InnerLoop, Ladder, Verdict
 pub struct RegressionConfig {
     /// The inner loop, which searches with the regression's predictions.
     pub inner: InnerConfig,
-    /// Weight of a measurement relative to the one after it, above 0.5 and up to 1; default 0.97.
+    /// Weight of a measurement relative to the one after it, above 0.5 and up to 1; default 0.95.
     pub forgetting: f64,
     /// Ridge: share of its own weight by which each coefficient is drawn to zero, so that features
     /// that always vary together share what they cost; above 0 and up to 1, default 1e-4.
@@ -22,7 +22,7 @@ pub struct RegressionConfig {
 
 impl Default for RegressionConfig {
     fn default() -> Self {
-        Self { inner: InnerConfig::default(), forgetting: 0.97, ridge: 1e-4 }
+        Self { inner: InnerConfig::default(), forgetting: 0.95, ridge: 1e-4 }
     }
 }
 
@@ -42,14 +42,14 @@ pub struct Regression<const N: usize> {
     /// Features over the time of their frame, newest first. A window, not running sums: however large
     /// a sample was, it is gone when it leaves.
     samples: VecDeque<[f64; N]>,
-    /// Measurements in a row that predictions missed by more than [`LOST_FACTOR`].
+    /// Measurements in a row that were beyond belief.
     lost: u32,
 }
 
-/// Measurements that count; with the default forgetting the oldest weighs 2 %.
+/// Measurements that count; with the default forgetting the oldest weighs 0.1 %.
 const WINDOW: usize = 128;
-/// Factor by which a prediction is beyond repair: such a time is not learnt, because with the weight
-/// of its square it would spoil hundreds of frames. So many in a row start the regression again.
+/// Factor by which a time is beyond belief: it is not learnt, because by the square of its weight it
+/// would rule the window, unless so many come in a row.
 const LOST_FACTOR: f64 = 8.0;
 const LOST_FRAMES: u32 = 3;
 
@@ -57,17 +57,13 @@ impl<const N: usize> Regression<N> {
     fn new(config: &RegressionConfig) -> Result<Self, Error> {
         within("forgetting", config.forgetting, 0.5 + 1e-9, 1.0, "above 0.5 and up to 1")?;
         within("ridge", config.ridge, 1e-12, 1.0, "within 1e-12 and 1")?;
-        Ok(Self::empty(config.forgetting, config.ridge))
-    }
-
-    fn empty(forgetting: f64, ridge: f64) -> Self {
-        Self {
-            forgetting,
-            ridge,
+        Ok(Self {
+            forgetting: config.forgetting,
+            ridge: config.ridge,
             coefficients: [0.0; N],
             samples: VecDeque::with_capacity(WINDOW),
             lost: 0,
-        }
+        })
     }
 
     /// Milliseconds a unit of each feature, never negative.
@@ -98,9 +94,9 @@ impl<const N: usize> Regression<N> {
             if self.lost < LOST_FRAMES {
                 return Verdict::Suspect;
             }
-            *self = Self::empty(self.forgetting, self.ridge);
+        } else {
+            self.lost = 0;
         }
-        self.lost = 0;
         self.samples.truncate(WINDOW - 1);
         self.samples.push_front(x);
         self.coefficients = self.solve();

@@ -18,12 +18,16 @@ fn ladder() -> Ladder<u32> {
     Ladder::new((1..=64).collect()).unwrap()
 }
 
-fn both() -> FrameController<u32, fn(&u32, &f64) -> f64> {
-    FrameController::new(ladder(), model as fn(&u32, &f64) -> f64, 16.0, Config::default()).unwrap()
+/// Functions as types with names.
+type Model = fn(&u32, &f64) -> f64;
+type Features = fn(&u32, &f64) -> [f64; 3];
+
+fn both() -> FrameController<u32, Model> {
+    FrameController::new(ladder(), model as Model, 16.0, Config::default()).unwrap()
 }
 
-fn regression() -> RegressionController<u32, fn(&u32, &f64) -> [f64; 3], 3> {
-    let features = features as fn(&u32, &f64) -> [f64; 3];
+fn regression() -> RegressionController<u32, Features, 3> {
+    let features = features as Features;
     RegressionController::new(ladder(), features, 16.0, 20, RegressionConfig::default()).unwrap()
 }
 

@@ -47,6 +47,25 @@ fn both_loops_keep_the_target_and_the_others_do_not() {
     }
 }
 
+/// The same whatever the noise.
+#[test]
+fn both_loops_keep_the_target_for_every_seed() {
+    for (script, _) in scenes() {
+        for (device, spec) in devices() {
+            let mut case = Case::path(device, spec, script.clone());
+            for seed in 0..12 {
+                case.run.seed = seed;
+                let records = both(&case, Config::default());
+                let error = Summary::of(&records).and_then(|sum| sum.corrected_error);
+                let settled = Summary::of(&records[SETTLING..]).expect("frames");
+                let case = format!("{} on {device}, seed {seed}", script.name);
+                assert!(error.expect("a prediction") <= 0.017, "{case}: {error:?}");
+                assert!(settled.on_target >= 0.95, "{case}: {}", settled.on_target);
+            }
+        }
+    }
+}
+
 #[test]
 fn the_model_ranks_settings_by_cost() {
     for (script, _) in scenes() {
@@ -93,7 +112,7 @@ fn disturbed(script: Script) -> (Vec<FrameRecord>, f64) {
 
 #[test]
 fn a_clock_step_and_a_competing_process_cost_two_frames_each() {
-    for event in [Event::Clock(0.3), Event::Competing(0.35), Event::Competing(0.5)] {
+    for event in [Event::Clock(0.7), Event::Competing(0.35), Event::Competing(0.5)] {
         let script = Script::drift(Scene::fairy(), 200).with(100, event);
         let (records, _) = disturbed(script);
         assert!(frames_off(&records[SETTLING..100], 0.1) == 0);

@@ -197,6 +197,23 @@ fn anything() -> impl Strategy<Value = Option<f64>> {
 }
 
 proptest! {
+    /// Up to a sensitivity of 1 and a gain of 1 each step is a convex combination: no gain that changes
+    /// from frame to frame makes the loop grow, at any delay and for either sign.
+    #[test]
+    fn gains_that_change_never_make_it_grow(
+        gains in prop::collection::vec(0.0..1.0_f64, 1..300),
+        start in prop::collection::vec(-1.0..1.0_f64, 1..20),
+        sensitivity in -1.0..1.0_f64,
+    ) {
+        let (mut theta, delay) = (start.clone(), start.len());
+        let largest = start.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        for (k, gain) in gains.iter().enumerate() {
+            let now = theta[k + delay - 1];
+            theta.push(now + gain * (-sensitivity * theta[k] - now));
+            prop_assert!(theta[k + delay].abs() <= largest * (1.0 + 1e-12));
+        }
+    }
+
     #[test]
     fn any_sequence_keeps_the_correction_bounded(
         times in prop::collection::vec((anything(), anything()), 0..200),

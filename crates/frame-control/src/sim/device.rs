@@ -196,8 +196,14 @@ impl DeviceSpec {
         }
     }
 
-    /// Milliseconds of a frame on a cool, idle device without noise.
-    fn time_ms(&self, view: &View, settings: &RenderSettings, clock: f64) -> f64 {
+    /// Milliseconds of a frame without noise, with the clocks of cores and memory over nominal.
+    fn time_ms(
+        &self,
+        view: &View,
+        settings: &RenderSettings,
+        clock: f64,
+        memory_clock: f64,
+    ) -> f64 {
         let (seen, hidden) = (&view.counters, &view.hidden);
         let pixels = seen.pixels * settings.render_scale * settings.render_scale;
         let shown = pixels * seen.visible;
@@ -227,7 +233,7 @@ impl DeviceSpec {
         let hertz = self.clock_ghz * clock * 1e6;
         let compute =
             cost.instructions * self.issue_cycles / (self.cores * self.efficiency) / hertz;
-        let memory = cost.sectors * 32.0 / (self.bandwidth_gbs * self.scatter * 1e6);
+        let memory = cost.sectors * 32.0 / (self.bandwidth_gbs * memory_clock * self.scatter * 1e6);
         let latency = cost.waits * self.latency_cycles / (self.cores * self.resident_warps) / hertz;
         // They overlap, but never wholly.
         let p = 2.5;
@@ -264,7 +270,7 @@ pub struct Device {
     spec: DeviceSpec,
     random: Random,
     celsius: f64,
-    /// Clock over the nominal one, as throttling leaves it.
+    /// Clock of the cores over the nominal one, as throttling leaves it; memory is not throttled.
     throttled: f64,
     /// What scripts change.
     pub(super) surroundings: Surroundings,
@@ -300,14 +306,14 @@ impl Device {
 
     /// Milliseconds that a frame would take on the cool, idle device without noise.
     pub fn ideal_ms(&self, view: &View, settings: &RenderSettings) -> f64 {
-        self.spec.time_ms(view, settings, 1.0)
+        self.spec.time_ms(view, settings, 1.0, 1.0)
     }
 
     /// Draws a frame: its time in milliseconds. Warms the device.
     pub fn draw(&mut self, view: &View, settings: &RenderSettings) -> f64 {
         let spec = &self.spec;
         let clock = self.throttled * self.surroundings.clock;
-        let alone = spec.time_ms(view, settings, clock);
+        let alone = spec.time_ms(view, settings, clock, self.surroundings.clock);
         let mut time = alone / (1.0 - self.surroundings.competing.clamp(0.0, 0.95));
         time *= (1.0 + spec.noise * self.random.normal()).max(0.5);
         if self.random.uniform() < spec.spike_rate {

@@ -9,7 +9,8 @@ use super::{Camera, Scene, View};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Event {
-    /// The driver sets the clock to this share of the nominal one, 0.1 to 2.
+    /// The driver enters a power state with this share of the nominal clocks, of cores and of memory,
+    /// 0.1 to 2.
     Clock(f64),
     /// Another process takes this share of the device, 0 to 0.95.
     Competing(f64),

@@ -57,9 +57,15 @@ pub(crate) fn model(device: &str) -> impl Fn(&RenderSettings, &Counters) -> f64 
             shadow_intersections: seen.shadow_intersections,
             ..Workload::default()
         };
-        let settings =
-            RaySettings { ao_rays: f64::from(settings.ao_rays), shadows: settings.shadows };
-        model.predict(&workload, &settings).map_or(f64::NAN, |frame| frame.seconds * 1e3)
+        let rays = RaySettings { ao_rays: f64::from(settings.ao_rays), shadows: settings.shadows };
+        let frame = if settings.render_scale == 1.0 {
+            model.predict(&workload, &rays)
+        } else {
+            let pixels = PIXELS as f64 * settings.render_scale * settings.render_scale;
+            #[expect(clippy::cast_possible_truncation, reason = "fewer than 4 times the pixels")]
+            FrameModel { pixels: pixels.round() as u64, ..model.clone() }.predict(&workload, &rays)
+        };
+        frame.map_or(f64::NAN, |frame| frame.seconds * 1e3)
     }
 }
 
@@ -157,16 +163,25 @@ impl Case {
         self.run.frames(controller, &ladder(), &mut device, &self.script, self.target_ms)
     }
 
-    /// How well the model orders the rungs by cost: mean τ over the script's frames.
+    /// How well the model orders settings by cost: mean τ over the script's frames, of settings of
+    /// which few are above one another in everything, so that the order is no foregone conclusion.
     pub(crate) fn ranking(&self) -> f64 {
         let device = Device::new(self.spec.clone(), 0).expect("a valid device");
         let model = model(self.device);
+        let mut grid = Vec::new();
+        for render_scale in [0.5, 0.6, 0.7, 0.8, 0.9, 1.0] {
+            for ao_rays in [0, 1, 2, 4, 8, 16, 24, 32, 48, 64] {
+                for shadows in [false, true] {
+                    let rung = RenderSettings { shadows, ao_rays, ..RenderSettings::PRIMARY };
+                    grid.push(RenderSettings { render_scale, ..rung });
+                }
+            }
+        }
         let taus: Vec<f64> = (0..self.script.frames())
+            .step_by(5)
             .filter_map(|frame| {
                 let view = self.script.view(frame);
-                let rungs = ladder();
-                let (predicted, real): (Vec<f64>, Vec<f64>) = rungs
-                    .rungs()
+                let (predicted, real): (Vec<f64>, Vec<f64>) = grid
                     .iter()
                     .map(|rung| (model(rung, &view.counters), device.ideal_ms(&view, rung)))
                     .unzip();
