@@ -2,6 +2,7 @@
 //! model as the predictor: `cargo run --release -p niwaki-frame-control --example
 //! compare_controllers`.
 
+#[allow(dead_code, reason = "another example uses the rest")]
 #[path = "../tests/common/mod.rs"]
 mod common;
 

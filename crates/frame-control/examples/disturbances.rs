@@ -5,15 +5,17 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{Case, SETTLING, devices, ladder, model};
-use niwaki_frame_control::sim::{Device, Event, Scene, Script};
+use common::{Case, SETTLING, devices, hybrid_model, ladder, model};
+use niwaki_frame_control::sim::{Device, Event, Run, Scene, Script};
 use niwaki_frame_control::{
-    Config, CorrectionConfig, FrameController, Summary, admissible_gain, frames_off,
+    Aim, Config, CorrectionConfig, FrameController, InnerConfig, Ladder, Summary, admissible_gain,
+    frames_off,
 };
 
 fn main() {
     scripts();
     gains();
+    deadlines();
     println!("\nGain below which the outer loop is stable");
     println!("| sensitivity | delay 1 | 2 | 3 | 5 | 8 |\n|--:|--:|--:|--:|--:|--:|");
     for sensitivity in [0.2, 0.5, 1.0, 1.5, 2.0, 4.0] {
@@ -115,5 +117,39 @@ fn gains() {
             })
             .collect();
         println!("| {name} | {} |", cells.join(" | "));
+    }
+}
+
+/// The ladder past the thesis, with its coarse steps, on a GeForce 580: what headroom costs and saves.
+fn deadlines() {
+    println!("\nThe hybrid ladder: share of late frames, mean rung of {}", Ladder::hybrid().top());
+    println!("| target of rung | nearest | at most | 3 % headroom | 10 % headroom |");
+    println!("|--:|--:|--:|--:|--:|");
+    let ladder = Ladder::hybrid();
+    let (device, spec) = devices()[0].clone();
+    let script = Script::fairy(400);
+    for rung in [4, 12, 24, 40, 50] {
+        let cells = [
+            Aim::Nearest,
+            Aim::AtMost { headroom: 0.0 },
+            Aim::AtMost { headroom: 0.03 },
+            Aim::AtMost { headroom: 0.1 },
+        ]
+        .map(|aim| {
+            let mut simulated = Device::new(spec.clone(), 5).expect("a valid device");
+            let target_ms = simulated.ideal_ms(&script.view(200), &ladder.rungs()[rung]);
+            let inner = InnerConfig { aim, ..InnerConfig::default() };
+            let config = Config { inner, ..Config::default() };
+            let mut controller =
+                FrameController::new(ladder.clone(), hybrid_model(device), target_ms, config)
+                    .expect("valid settings");
+            let run = Run::default();
+            let records = &run.frames(&mut controller, &ladder, &mut simulated, &script, target_ms)
+                [SETTLING..];
+            let late = records.iter().filter(|record| record.off_target() > 0.0).count();
+            let share = 100.0 * late as f64 / records.len() as f64;
+            format!("{share:.0} %, {:.1}", Summary::of(records).map_or(0.0, |sum| sum.mean_rung))
+        });
+        println!("| {rung} | {} |", cells.join(" | "));
     }
 }

@@ -4,10 +4,11 @@
 #[allow(dead_code, reason = "the example uses all of it")]
 mod common;
 
-use common::{Case, SETTLING, TURN, compare, devices, ladder, model};
-use niwaki_frame_control::sim::{Event, Scene, Script};
+use common::{Case, SETTLING, TURN, compare, devices, hybrid_model, ladder, model};
+use niwaki_frame_control::sim::{Device, Event, Run, Scene, Script};
 use niwaki_frame_control::{
-    Config, CorrectionConfig, FrameController, FrameRecord, Status, Summary, frames_off,
+    Aim, Config, CorrectionConfig, FrameController, FrameRecord, InnerConfig, Ladder, Status,
+    Summary, frames_off,
 };
 
 fn scenes() -> [(Script, Scene); 2] {
@@ -173,6 +174,35 @@ fn spikes_and_losses_are_survived() {
         records[SETTLING..].iter().copied().filter(|r| r.off_target() < 0.2).collect();
     assert!(records.len() - SETTLING - quiet.len() >= 2, "there were spikes");
     assert!(Summary::of(&quiet).expect("frames").on_target >= 0.9);
+}
+
+/// The ladder past the thesis, whose steps are coarse, under a deadline: whatever the target, frames are
+/// hardly ever late, and what the deadline affords is used.
+#[test]
+fn the_hybrid_ladder_keeps_deadlines() {
+    let ladder = Ladder::hybrid();
+    for (device, spec) in devices() {
+        let mut simulated = Device::new(spec, 5).expect("a valid device");
+        let script = Script::fairy(200);
+        let mut last_rung = 0.0;
+        for rung in [4, 12, 24, 40, 50] {
+            let target_ms = simulated.ideal_ms(&script.view(100), &ladder.rungs()[rung]);
+            let inner =
+                InnerConfig { aim: Aim::AtMost { headroom: 0.03 }, ..InnerConfig::default() };
+            let config = Config { inner, ..Config::default() };
+            let model = hybrid_model(device);
+            let mut controller =
+                FrameController::new(ladder.clone(), model, target_ms, config).expect("valid");
+            let run = Run::default();
+            let records = run.frames(&mut controller, &ladder, &mut simulated, &script, target_ms);
+            let late = records[SETTLING..].iter().filter(|r| r.off_target() > 0.0).count();
+            assert!(late <= 10, "{device}, rung {rung}: {late} of 190 late");
+            let mean = Summary::of(&records[SETTLING..]).expect("frames").mean_rung;
+            assert!(mean > last_rung, "{device}: a longer deadline buys quality");
+            last_rung = mean;
+        }
+        assert!(last_rung > 40.0, "{device}: {last_rung}");
+    }
 }
 
 #[test]

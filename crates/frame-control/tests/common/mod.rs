@@ -69,6 +69,24 @@ pub(crate) fn model(device: &str) -> impl Fn(&RenderSettings, &Counters) -> f64 
     }
 }
 
+/// The thesis's model where it goes, and guesses for what it has no terms for: longer rays of ambient
+/// occlusion visit more nodes, and each bounce of the pixels that mirror is a primary ray again, the
+/// longer the larger the near region.
+pub(crate) fn hybrid_model(
+    device: &str,
+) -> impl Fn(&RenderSettings, &Counters) -> f64 + Clone + use<> {
+    let model = model(device);
+    move |settings, seen| {
+        let longer = (settings.ao_radius / seen.ao_radius).powf(0.3);
+        let seen_by_ao = Counters { ao_traversals: seen.ao_traversals * longer, ..*seen };
+        let scale =
+            RenderSettings { render_scale: settings.render_scale, ..RenderSettings::PRIMARY };
+        let bounces: f64 = (0..settings.reflection_depth).map(|b| 0.5_f64.powi(b.into())).sum();
+        model(settings, &seen_by_ao)
+            + model(&scale, seen) * seen.mirrors * bounces * (0.6 + settings.near_region)
+    }
+}
+
 /// What a regression may use: the counters of each kind of rays, those that miss weighted apart.
 pub(crate) fn features(settings: &RenderSettings, seen: &Counters) -> [f64; 6] {
     let shadows = f64::from(u8::from(settings.shadows));
