@@ -1,5 +1,9 @@
 //! Deciding a frame and learning from one: `cargo bench -p niwaki-frame-control`.
 
+#[allow(dead_code, reason = "the examples and tests use the rest")]
+#[path = "../tests/common/mod.rs"]
+mod common;
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use niwaki_frame_control::sim::{Counters, Script};
 use niwaki_frame_control::{
@@ -25,6 +29,7 @@ fn decide(c: &mut Criterion) {
     let ladder = || Ladder::ray_tracing(64, 0.1).unwrap();
     let seen = Script::fairy(2).view(0).counters;
     let target = model(&ladder().rungs()[30], &seen);
+    let ladder_top = ladder().rungs()[65];
     let mut group = c.benchmark_group("decide, 66 rungs");
     for (name, aim, search) in [
         ("nearest, exhaustive", Aim::Nearest, Search::Exhaustive),
@@ -39,6 +44,19 @@ fn decide(c: &mut Criterion) {
     }
     let mut both = FrameController::new(ladder(), model, target, Config::default()).unwrap();
     group.bench_function("both loops, with a measurement", |b| {
+        b.iter(|| {
+            let decision = both.decide(black_box(&seen));
+            both.measure(decision.frame, Some(1.1 * target))
+        });
+    });
+    let thesis = common::model("geforce-580");
+    let target = thesis(&ladder().rungs()[30], &seen);
+    group.bench_function("the thesis's model, once", |b| {
+        b.iter(|| thesis(&ladder_top, black_box(&seen)));
+    });
+    let mut both =
+        FrameController::new(ladder(), thesis.clone(), target, Config::default()).unwrap();
+    group.bench_function("both loops over the thesis's model, with a measurement", |b| {
         b.iter(|| {
             let decision = both.decide(black_box(&seen));
             both.measure(decision.frame, Some(1.1 * target))

@@ -1,46 +1,51 @@
-//! probe
-use niwaki_frame_control::sim::*;
-use niwaki_frame_control::*;
+//! Every controller on the thesis's three devices (simulated) and two scenes, with the thesis's
+//! model as the predictor: `cargo run --release -p niwaki-frame-control --example
+//! compare_controllers`.
+
+#[allow(dead_code, reason = "another example uses the rest")]
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::{Case, compare, devices};
+use niwaki_frame_control::sim::{Scene, Script};
+
 fn main() {
-    for script in [
-        Script::fairy(100),
-        Script::cabin(100),
-        Script::wall(Scene::fairy(), 60, 20, 40),
-        Script::turn(Scene::fairy(), 60, 30),
-        Script::turn(Scene::cabin(), 60, 30),
+    for (name, script, scene) in [
+        ("fairy", Script::fairy(100), Scene::fairy()),
+        ("cabin", Script::cabin(100), Scene::cabin()),
     ] {
-        println!("{}", script.name);
-        for f in [0, 25, 29, 31, 50, 75, 99] {
-            let v = script.view(f);
-            let c = v.counters;
-            let h = v.hidden;
-            print!(
-                "{f:3} pt {:.1} pi {:.2} st {:.1} v {:.2} at {:.1} aw {:.2} m {:.2} mir {:.3} ws {:.2}M spread {:.2} depth {:.1}",
-                c.primary_traversals,
-                c.primary_intersections,
-                c.shadow_traversals,
-                c.visible,
-                c.ao_traversals,
-                c.ao_intersections,
-                c.coalescing,
-                c.mirrors,
-                h.working_set / 1e6,
-                h.spread,
-                h.depth
+        for (device, spec) in devices() {
+            let path = Case::path(device, spec.clone(), script.clone());
+            let turn = Case::turn(device, spec.clone(), scene.clone());
+            let cuts = Case::cuts(device, spec, scene.clone());
+            println!(
+                "\n{name}, {device}: target {:.0} ms; the model ranks settings with tau {:.3}",
+                path.target_ms,
+                path.ranking()
             );
-            for spec in
-                [DeviceSpec::geforce_8800(), DeviceSpec::geforce_580(), DeviceSpec::radeon_5870()]
-            {
-                let d = Device::new(spec, 1).unwrap();
-                let l = Ladder::ray_tracing(64, 0.1).unwrap();
-                print!(
-                    " | {:.0} {:.0} {:.0}",
-                    d.ideal_ms(&v, &l.rungs()[0]),
-                    d.ideal_ms(&v, &l.rungs()[30]),
-                    d.ideal_ms(&v, &l.rungs()[65])
+            println!(
+                "| controller  | model err % | corrected err % | target err % | on target % | mean \
+                 rung | flicker | after turn: off >10 % | worst % | cuts: on target % |"
+            );
+            println!("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+            for row in compare(&path, &turn, &cuts) {
+                let percent = |share: Option<f64>| {
+                    share.map_or("-".into(), |share| format!("{:.1}", 100.0 * share))
+                };
+                println!(
+                    "| {:11} | {} | {} | {} | {} | {:.1} | {} | {} | {} | {} |",
+                    row.controller,
+                    percent(row.all.model_error),
+                    percent(row.all.corrected_error),
+                    percent(Some(row.all.target_error)),
+                    percent(Some(row.settled.on_target)),
+                    row.all.mean_rung,
+                    row.all.flicker,
+                    row.off_after_turn,
+                    percent(Some(row.worst_after_turn)),
+                    percent(Some(row.on_target_cuts)),
                 );
             }
-            println!();
         }
     }
 }

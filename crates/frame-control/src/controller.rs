@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::within;
 use crate::history::History;
 use crate::{Correction, CorrectionConfig, Error, InnerConfig, InnerLoop, Ladder, Status, Verdict};
 
@@ -71,11 +72,20 @@ pub struct Config {
     pub inner: InnerConfig,
     /// The outer feedback loop; none leaves the predictor as it is.
     pub outer: Option<CorrectionConfig>,
+    /// A sudden view: where the workload of a frame makes the settings of the one before this many
+    /// times as long or as short, by the predictor, the outer loop starts again with that frame's
+    /// measurement, because the error of the predictor is a different one too. Above 1; none never
+    /// starts again. Default 1.3.
+    pub cut: Option<f64>,
 }
 
 impl Default for Config {
     fn default() -> Self {
-        Self { inner: InnerConfig::default(), outer: Some(CorrectionConfig::default()) }
+        Self {
+            inner: InnerConfig::default(),
+            outer: Some(CorrectionConfig::default()),
+            cut: Some(1.3),
+        }
     }
 }
 
@@ -98,8 +108,20 @@ pub struct FrameController<S, P> {
     inner: InnerLoop<S>,
     correction: Option<Correction>,
     predictor: P,
-    /// The predictor's own time for each frame on the way.
-    waiting: History<f64>,
+    /// Logarithm of [`Config::cut`].
+    cut: Option<f64>,
+    /// Rung and predictor's own time of the last frame that has one.
+    last: Option<(usize, f64)>,
+    waiting: History<Waiting>,
+}
+
+/// What is known of a frame on the way.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    /// The predictor's own time.
+    model_ms: f64,
+    /// Whether its workload is suddenly a different one.
+    cut: bool,
 }
 
 impl<S, P> FrameController<S, P> {
@@ -110,10 +132,15 @@ impl<S, P> FrameController<S, P> {
         target_ms: f64,
         config: Config,
     ) -> Result<Self, Error> {
+        if let Some(cut) = config.cut {
+            within("cut", cut, 1.0 + 1e-9, 1e9, "above 1 and up to 1e9")?;
+        }
         Ok(Self {
             inner: InnerLoop::new(ladder, target_ms, config.inner)?,
             correction: config.outer.map(Correction::new).transpose()?,
             predictor,
+            cut: config.cut.map(f64::ln),
+            last: None,
             waiting: History::new(),
         })
     }
@@ -149,9 +176,22 @@ impl<S, P> FrameController<S, P> {
     /// Forgets what was learnt and all frames on the way: for a new scene or device.
     pub fn reset(&mut self) {
         self.waiting.forget();
+        self.last = None;
         if let Some(correction) = &mut self.correction {
             correction.reset();
         }
+    }
+}
+
+impl<S, P> FrameController<S, P> {
+    /// Whether the workload is suddenly a different one: by what it makes of the last settings.
+    fn is_cut<W>(&self, workload: &W) -> bool
+    where
+        P: Predictor<S, W>,
+    {
+        let (Some(cut), Some((rung, before))) = (self.cut, self.last) else { return false };
+        let now = self.predictor.predict(&self.inner.ladder().rungs()[rung], workload);
+        (now.ln() - before.ln()).abs() > cut
     }
 }
 
@@ -161,9 +201,10 @@ impl<S, W, P: Predictor<S, W>> Controller<W> for FrameController<S, P> {
         let predictor = &self.predictor;
         let choice = self.inner.choose(|settings| factor * predictor.predict(settings, workload));
         let model_ms = choice.predicted_ms.map(|time| time / factor);
-        let frame = self.waiting.push(model_ms);
+        let cut = self.is_cut(workload);
+        self.last = model_ms.map(|time| (choice.rung, time)).or(self.last);
         Decision {
-            frame,
+            frame: self.waiting.push(model_ms.map(|model_ms| Waiting { model_ms, cut })),
             rung: choice.rung,
             model_ms,
             predicted_ms: choice.predicted_ms,
@@ -173,11 +214,14 @@ impl<S, W, P: Predictor<S, W>> Controller<W> for FrameController<S, P> {
     }
 
     fn measure(&mut self, frame: u64, milliseconds: Option<f64>) -> Verdict {
-        let Some(model_ms) = self.waiting.take(frame) else { return Verdict::Unknown };
-        match &mut self.correction {
-            Some(correction) => correction.learn(model_ms, milliseconds),
-            None => Verdict::Unknown,
+        let Some(Waiting { model_ms, cut }) = self.waiting.take(frame) else {
+            return Verdict::Unknown;
+        };
+        let Some(correction) = &mut self.correction else { return Verdict::Unknown };
+        if cut {
+            correction.restart();
         }
+        correction.learn(model_ms, milliseconds)
     }
 
     fn set_target(&mut self, target_ms: f64) -> Result<(), Error> {

@@ -8,14 +8,19 @@ use crate::{Error, admissible_gain};
 /// Settings of the outer loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CorrectionConfig {
-    /// Share of the present error that a measurement removes, above 0 and below
-    /// [`admissible_gain`]. Small is slow and smooth; default 0.2.
+    /// Share of the present error that a measurement removes where errors have no direction: the
+    /// slow loop. Above 0, default 0.2.
     pub gain: f64,
+    /// Share that it removes where all errors point the same way, because the error of the predictor
+    /// drifts with the view; between the two by the tracking signal of Trigg and Leach (1967,
+    /// *Exponential smoothing with an adaptive response rate*). At least `gain` and below
+    /// [`admissible_gain`], default 0.8. The same as `gain` for a loop of constant gain.
+    pub max_gain: f64,
     /// Takes the plain mean of the measurements until there are 1 / `gain` of them, so that a large
     /// constant error is gone after one frame. Default true.
     pub warm_up: bool,
     /// Most that a measurement moves the logarithm of the correction, once a first one has set
-    /// it; above 0. Default 0.35 (a factor of 1.42).
+    /// it; above 0. Default 0.7 (a factor of 2).
     pub max_rate: f64,
     /// Bound on the correction: it stays within 1 / `max_correction` and `max_correction`. Above
     /// 1, up to 1e6, default 64.
@@ -36,8 +41,9 @@ impl Default for CorrectionConfig {
     fn default() -> Self {
         Self {
             gain: 0.2,
+            max_gain: 0.8,
             warm_up: true,
-            max_rate: 0.35,
+            max_rate: 0.7,
             max_correction: 64.0,
             outlier_threshold: Some(4.0),
             delay: 3,
@@ -52,6 +58,7 @@ impl CorrectionConfig {
     pub fn previous_frame() -> Self {
         Self {
             gain: 1.0,
+            max_gain: 1.0,
             warm_up: false,
             max_rate: 20.0,
             max_correction: 1e6,
@@ -69,12 +76,13 @@ impl CorrectionConfig {
         }
         within("delay", f64::from(self.delay), 1.0, 64.0, "within 1 and 64")?;
         within("sensitivity", self.sensitivity, 0.0, 16.0, "within 0 and 16")?;
-        within("gain", self.gain, f64::MIN_POSITIVE, 2.0, "above 0 and below the admissible gain")?;
+        within("max_gain", self.max_gain, f64::MIN_POSITIVE, 2.0, "above 0 and below 2")?;
+        within("gain", self.gain, f64::MIN_POSITIVE, self.max_gain, "above 0 and up to max_gain")?;
         let bound = admissible_gain(self.delay, self.sensitivity);
-        if self.gain < bound {
+        if self.max_gain < bound {
             Ok(())
         } else {
-            let Self { gain, delay, sensitivity, .. } = *self;
+            let Self { max_gain: gain, delay, sensitivity, .. } = *self;
             Err(Error::UnstableGain { gain, delay, sensitivity, bound })
         }
     }
@@ -103,8 +111,10 @@ pub enum Verdict {
 const LEAST_LIMIT: f64 = 0.03;
 /// Error that counts as far off however noisy they were.
 const MOST_LIMIT: f64 = 0.5;
-/// Share of the newest error in the running mean of absolute errors.
+/// Share of the newest error in the running mean of what is normal.
 const SCALE_GAIN: f64 = 0.1;
+/// Share of the newest error in the two means of the tracking signal.
+const TRACKING_GAIN: f64 = 0.3;
 
 /// The outer loop by itself: corrected time = factor · predicted time.
 ///
@@ -128,10 +138,14 @@ pub struct Correction {
     config: CorrectionConfig,
     /// Logarithm of the factor.
     theta: f64,
-    /// Measurements since the start or the last confirmed step.
+    /// Measurements since the start, the last restart or the last confirmed step.
     seen: u32,
-    /// Running mean of the absolute error.
+    /// Running mean of the absolute error, slow: what is normal.
     scale: f64,
+    /// Running means of the error and of its absolute value, fast: their quotient is the tracking
+    /// signal.
+    drift: f64,
+    spread: f64,
     /// Logarithm of measured over predicted time of a suspect measurement.
     suspect: Option<f64>,
 }
@@ -140,7 +154,15 @@ impl Correction {
     /// A correction of 1. Fails for settings out of range and for a gain that is not stable.
     pub fn new(config: CorrectionConfig) -> Result<Self, Error> {
         config.validate()?;
-        Ok(Self { config, theta: 0.0, seen: 0, scale: LEAST_LIMIT, suspect: None })
+        Ok(Self {
+            config,
+            theta: 0.0,
+            seen: 0,
+            scale: LEAST_LIMIT,
+            drift: 0.0,
+            spread: 0.0,
+            suspect: None,
+        })
     }
 
     /// Measured over predicted time, as far as it is known: within the configured bound.
@@ -185,24 +207,30 @@ impl Correction {
         };
         let before = self.suspect.take().map(|suspect| suspect - self.theta);
         let (step, verdict) = if error.abs() <= limit {
+            if !first {
+                self.drift += TRACKING_GAIN * (error - self.drift);
+                self.spread += TRACKING_GAIN * (error.abs() - self.spread);
+            }
             (error * self.share(), Verdict::Used)
         } else {
             match before.filter(|before| before * error > 0.0) {
                 Some(before) => {
                     // Two alike are a change, not a spike: go as far as both agree.
                     self.seen = 1;
+                    (self.drift, self.spread) = (0.0, 0.0);
                     (before.abs().min(error.abs()).copysign(error), Verdict::Confirmed)
                 }
                 None => {
                     self.suspect = Some(ratio);
-                    (limit.copysign(error) * self.config.gain, Verdict::Suspect)
+                    // All that it says for sure is its sign.
+                    (self.scale.copysign(error) * self.config.gain, Verdict::Suspect)
                 }
             }
         };
         let rate = if first { f64::INFINITY } else { self.config.max_rate };
         self.theta = (self.theta + step.clamp(-rate, rate)).clamp(-bound, bound);
         if !first {
-            self.scale += SCALE_GAIN * (error.abs().min(MOST_LIMIT) - self.scale);
+            self.scale += SCALE_GAIN * (error.abs().min(limit).min(MOST_LIMIT) - self.scale);
         }
         if verdict != Verdict::Suspect {
             self.seen = self.seen.saturating_add(1);
@@ -210,18 +238,27 @@ impl Correction {
         verdict
     }
 
-    /// Forgets everything: for a new scene or device.
-    pub fn reset(&mut self) {
-        *self =
-            Self { config: self.config, theta: 0.0, seen: 0, scale: LEAST_LIMIT, suspect: None };
+    /// Believes the next measurement as if it were the first, because the workload is a different one
+    /// now and the predictor's error with it. The factor stays until then.
+    pub fn restart(&mut self) {
+        self.seen = 0;
+        self.suspect = None;
+        (self.drift, self.spread) = (0.0, 0.0);
     }
 
-    /// Share of an error that the next measurement removes.
+    /// Forgets everything: for a new scene or device.
+    pub fn reset(&mut self) {
+        self.restart();
+        self.theta = 0.0;
+        self.scale = LEAST_LIMIT;
+    }
+
+    /// Share of the present error to remove.
     fn share(&self) -> f64 {
-        if self.config.warm_up {
-            self.config.gain.max(1.0 / (f64::from(self.seen) + 1.0))
-        } else {
-            self.config.gain
-        }
+        let CorrectionConfig { gain, max_gain, warm_up, .. } = self.config;
+        let signal = if self.spread > 0.0 { self.drift.abs() / self.spread } else { 0.0 };
+        let share = signal.clamp(gain, max_gain);
+        // Beyond the bound on stability only for the first: it sets the factor, and feeds nothing back.
+        if warm_up { share.max(1.0 / (f64::from(self.seen) + 1.0)) } else { share }
     }
 }

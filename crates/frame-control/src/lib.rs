@@ -23,9 +23,13 @@
 //! ```
 //!
 //! - [`Ladder`]: the ordered scale of quality, of settings of any type; [`RenderSettings`] are those
-//!   of the ray tracer of Ganestam and Doggett's paper and of the hybrid renderer.
+//!   of the ray tracer of Ganestam and Doggett (2012, *Auto-tuning interactive ray tracing using an
+//!   analytical GPU architecture model*) and of the hybrid renderer.
 //! - [`InnerLoop`]: searches the ladder by predicted times; [`Correction`]: corrects the predictor;
-//!   [`FrameController`]: both together.
+//!   [`FrameController`]: both together. [`admissible_gain`] says how quick the correction may be.
+//! - [`RegressionController`], [`FixedRung`] and [`FrozenWorkload`]: what they are compared with.
+//! - [`Summary`], [`frames_off`] and [`kendall_tau_b`]: how well it went; [`sim`]: devices, scenes and
+//!   scripts to find out on.
 
 pub use controller::{
     Config, Controller, Decision, FixedRung, FrameController, FrozenWorkload, Predictor,
@@ -55,3 +59,7 @@ mod search;
 mod settings;
 pub mod sim;
 mod stability;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,5 +1,7 @@
 //! A predictor without a model of the device: linear regression on counters, learnt while running.
 
+use std::collections::VecDeque;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::within;
@@ -11,113 +13,167 @@ use crate::{Controller, Decision, Error, InnerConfig, InnerLoop, Ladder, Verdict
 pub struct RegressionConfig {
     /// The inner loop, which searches with the regression's predictions.
     pub inner: InnerConfig,
-    /// Weight of a measurement relative to the one after it, above 0.5 and up to 1; default 0.97.
+    /// Weight of a measurement relative to the one after it, above 0.5 and up to 1; default 0.95.
     pub forgetting: f64,
-    /// Ridge: how strongly coefficients are held at zero before there are measurements, above 0 and
-    /// up to 1e6; default 1e-3.
+    /// Ridge: share of its own weight by which each coefficient is drawn to zero, so that features
+    /// that always vary together share what they cost; above 0 and up to 1, default 1e-4.
     pub ridge: f64,
 }
 
 impl Default for RegressionConfig {
     fn default() -> Self {
-        Self { inner: InnerConfig::default(), forgetting: 0.97, ridge: 1e-3 }
+        Self { inner: InnerConfig::default(), forgetting: 0.95, ridge: 1e-4 }
     }
 }
 
-/// Recursive least squares over `N` features of settings and workload, with exponential forgetting,
-/// a ridge prior and coefficients that are never negative, because work never takes negative time
-/// (Haykin, *Adaptive Filter Theory*, chapter 10).
+/// Least squares over `N` features of settings and workload, with exponential forgetting, a ridge,
+/// and coefficients that are never negative, because work never takes negative time: without that
+/// bound, coefficients of opposite signs that cancel on a smooth path predict nonsense after a turn.
 ///
-/// Errors are relative: a frame's features are divided by its time, and the sum should be one. The
-/// covariance stops growing at its prior, so that a view that stands still does not make it forget
-/// everything else.
+/// Errors are relative: a frame's features are divided by its time, and their weighted sum should be
+/// one. Solved anew for each measurement from the last 128, so that nothing winds up; while a
+/// coefficient is negative, the most negative one is set to zero and the rest solved again (the
+/// inner loop of Lawson and Hanson 1974, *Solving Least Squares Problems*, chapter 23).
 #[derive(Clone, Debug)]
 pub struct Regression<const N: usize> {
     forgetting: f64,
-    prior: f64,
-    unit_ms: f64,
-    /// Largest features of the first workload; one where they are zero.
-    scale: Option<[f64; N]>,
+    ridge: f64,
     coefficients: [f64; N],
-    covariance: [[f64; N]; N],
-    seen: u32,
+    /// Features over the time of their frame, newest first. A window, not running sums: however large
+    /// a sample was, it is gone when it leaves.
+    samples: VecDeque<[f64; N]>,
+    /// Measurements in a row that were beyond belief.
+    lost: u32,
 }
 
+/// Measurements that count; with the default forgetting the oldest weighs 0.1 %.
+const WINDOW: usize = 128;
+/// Factor by which a time is beyond belief: it is not learnt, because by the square of its weight it
+/// would rule the window, unless so many come in a row.
+const LOST_FACTOR: f64 = 8.0;
+const LOST_FRAMES: u32 = 3;
+
 impl<const N: usize> Regression<N> {
-    fn new(config: &RegressionConfig, unit_ms: f64) -> Result<Self, Error> {
+    fn new(config: &RegressionConfig) -> Result<Self, Error> {
         within("forgetting", config.forgetting, 0.5 + 1e-9, 1.0, "above 0.5 and up to 1")?;
-        within("ridge", config.ridge, 1e-12, 1e6, "within 1e-12 and 1e6")?;
-        let prior = 1.0 / config.ridge;
-        let covariance =
-            core::array::from_fn(|i| core::array::from_fn(|j| if i == j { prior } else { 0.0 }));
+        within("ridge", config.ridge, 1e-12, 1.0, "within 1e-12 and 1")?;
         Ok(Self {
             forgetting: config.forgetting,
-            prior,
-            unit_ms,
-            scale: None,
+            ridge: config.ridge,
             coefficients: [0.0; N],
-            covariance,
-            seen: 0,
+            samples: VecDeque::with_capacity(WINDOW),
+            lost: 0,
         })
     }
 
-    /// Milliseconds for each feature at its largest value in the first workload.
+    /// Milliseconds a unit of each feature, never negative.
     pub fn coefficients_ms(&self) -> [f64; N] {
-        self.coefficients.map(|coefficient| coefficient * self.unit_ms)
-    }
-
-    /// Takes the features of the most expensive settings as the unit of each.
-    fn set_scale(&mut self, largest: &[f64; N]) {
-        if self.scale.is_none() && largest.iter().all(|x| x.is_finite()) {
-            self.scale = Some(largest.map(|x| if x.abs() > 0.0 { x.abs() } else { 1.0 }));
-        }
+        self.coefficients
     }
 
     /// Milliseconds; NaN before the first measurement and where the features are not finite.
     fn predict(&self, features: &[f64; N]) -> f64 {
-        let Some(scale) = self.scale.filter(|_| self.seen > 0) else { return f64::NAN };
-        let sum: f64 = (0..N).map(|i| self.coefficients[i] * features[i] / scale[i]).sum();
-        sum * self.unit_ms
+        if self.samples.is_empty() {
+            return f64::NAN;
+        }
+        self.coefficients.iter().zip(features).map(|(c, x)| c * x).sum()
     }
 
     fn learn(&mut self, features: &[f64; N], measured_ms: f64) -> Verdict {
-        let Some(scale) = self.scale else { return Verdict::Unknown };
         if !(measured_ms > 0.0 && measured_ms.is_finite()) {
             return Verdict::Absurd;
         }
-        let x: [f64; N] =
-            core::array::from_fn(|i| features[i] / scale[i] * (self.unit_ms / measured_ms));
-        if !x.iter().all(|x| x.is_finite() && x.abs() < 1e9) {
+        let x: [f64; N] = features.map(|feature| feature / measured_ms);
+        // Squares of these have to be finite, and sums of their products too.
+        if !x.iter().all(|x| x.abs() < 1e100) {
             return Verdict::Absurd;
         }
-        let px: [f64; N] = self.covariance.map(|row| dot(&row, &x));
-        let spread = dot(&x, &px);
-        let error = (1.0 - dot(&self.coefficients, &x)).clamp(-1.0, 1.0);
-        let denominator = self.forgetting + spread;
-        for (coefficient, px) in self.coefficients.iter_mut().zip(px) {
-            *coefficient = (*coefficient + px * error / denominator).clamp(0.0, 1e9);
-        }
-        let mut trace = 0.0;
-        for i in 0..N {
-            for j in 0..N {
-                self.covariance[i][j] -= px[i] * px[j] / denominator;
+        let ratio = self.predict(features) / measured_ms;
+        if !self.samples.is_empty() && !(1.0 / LOST_FACTOR..=LOST_FACTOR).contains(&ratio) {
+            self.lost += 1;
+            if self.lost < LOST_FRAMES {
+                return Verdict::Suspect;
             }
-            // Rounding may take it below zero, which would make the next step run away.
-            self.covariance[i][i] = self.covariance[i][i].max(1e-12);
-            trace += self.covariance[i][i];
+        } else {
+            self.lost = 0;
         }
-        if trace / self.forgetting <= self.prior * N as f64 {
-            for entry in self.covariance.iter_mut().flatten() {
-                *entry /= self.forgetting;
-            }
-        }
-        self.seen = self.seen.saturating_add(1);
+        self.samples.truncate(WINDOW - 1);
+        self.samples.push_front(x);
+        self.coefficients = self.solve();
         Verdict::Used
+    }
+
+    /// The coefficients that fit best of those that are not negative.
+    fn solve(&self) -> [f64; N] {
+        let mut products = [[0.0; N]; N];
+        let mut sums = [0.0; N];
+        let mut weight = 1.0;
+        for x in &self.samples {
+            for i in 0..N {
+                for j in 0..N {
+                    products[i][j] += weight * x[i] * x[j];
+                }
+                sums[i] += weight * x[i];
+            }
+            weight *= self.forgetting;
+        }
+        for (i, row) in products.iter_mut().enumerate() {
+            // Relative, so that the unit of a feature does not matter.
+            row[i] *= 1.0 + self.ridge;
+        }
+        // A feature that was never there costs nothing.
+        let mut free: [bool; N] = core::array::from_fn(|i| products[i][i] > 0.0);
+        loop {
+            let solution = solve_free(&products, &sums, &free);
+            let most_negative = (0..N)
+                .filter(|&i| solution[i] < 0.0)
+                .min_by(|&i, &j| solution[i].total_cmp(&solution[j]));
+            match most_negative {
+                Some(i) => free[i] = false,
+                None => return solution,
+            }
+        }
     }
 }
 
-fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// Solves products · coefficients = sums for the free ones, the others being zero, by Gauss's
+/// elimination: the matrix is positive definite, so no pivoting is needed.
+fn solve_free<const N: usize>(
+    products: &[[f64; N]; N],
+    sums: &[f64; N],
+    free: &[bool; N],
+) -> [f64; N] {
+    let mut matrix = *products;
+    let mut right = *sums;
+    for i in 0..N {
+        for j in 0..N {
+            if !free[i] || !free[j] {
+                matrix[i][j] = f64::from(u8::from(i == j));
+            }
+        }
+        if !free[i] {
+            right[i] = 0.0;
+        }
+    }
+    for column in 0..N {
+        let pivot = matrix[column];
+        // Rounding may leave nothing of the ridge.
+        let diagonal = pivot[column].max(f64::MIN_POSITIVE);
+        for row in column + 1..N {
+            let share = matrix[row][column] / diagonal;
+            for (entry, above) in matrix[row].iter_mut().zip(&pivot).skip(column) {
+                *entry -= share * above;
+            }
+            right[row] -= share * right[column];
+        }
+    }
+    let mut solution = [0.0; N];
+    for row in (0..N).rev() {
+        let known: f64 = (row + 1..N).map(|j| matrix[row][j] * solution[j]).sum();
+        let value = (right[row] - known) / matrix[row][row].max(f64::MIN_POSITIVE);
+        solution[row] = if value.is_finite() { value } else { 0.0 };
+    }
+    solution
 }
 
 /// The present-day baseline: the inner loop over a [`Regression`] on counters that `features` makes
@@ -134,16 +190,19 @@ pub struct RegressionController<S, F, const N: usize> {
 impl<S, F, const N: usize> RegressionController<S, F, N> {
     /// `start` is the rung of the first frame. Fails for a target that is no frame time, for
     /// settings out of range and for a rung that the ladder lacks.
-    pub fn new(
+    pub fn new<W>(
         ladder: Ladder<S>,
         features: F,
         target_ms: f64,
         start: usize,
         config: RegressionConfig,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, Error>
+    where
+        F: Fn(&S, &W) -> [f64; N],
+    {
         let mut inner = InnerLoop::new(ladder, target_ms, config.inner)?;
         inner.start_at(start)?;
-        let regression = Regression::new(&config, target_ms)?;
+        let regression = Regression::new(&config)?;
         Ok(Self { inner, regression, features, waiting: History::new() })
     }
 
@@ -163,8 +222,6 @@ where
     F: Fn(&S, &W) -> [f64; N],
 {
     fn decide(&mut self, workload: &W) -> Decision {
-        let ladder = self.inner.ladder();
-        self.regression.set_scale(&(self.features)(&ladder.rungs()[ladder.top()], workload));
         let (regression, features) = (&self.regression, &self.features);
         let choice = self.inner.choose(|s| regression.predict(&features(s, workload)));
         let used = (self.features)(&self.inner.ladder().rungs()[choice.rung], workload);

@@ -62,6 +62,7 @@ fn matching_late_measurements_keeps_large_gains_stable() {
     let (delay, gain) = (4_usize, 0.8);
     let config = CorrectionConfig {
         gain,
+        max_gain: gain,
         delay: 4,
         sensitivity: 0.5,
         warm_up: false,
@@ -89,7 +90,13 @@ fn matching_late_measurements_keeps_large_gains_stable() {
 #[test]
 fn unstable_gains_are_errors_that_name_the_bound() {
     let gain = |gain, delay, sensitivity| {
-        let config = CorrectionConfig { gain, delay, sensitivity, ..CorrectionConfig::default() };
+        let config = CorrectionConfig {
+            gain,
+            max_gain: gain,
+            delay,
+            sensitivity,
+            ..CorrectionConfig::default()
+        };
         Correction::new(config).map(|_| ())
     };
     assert_eq!(gain(0.99, 64, 1.0), Ok(()));
@@ -190,6 +197,23 @@ fn anything() -> impl Strategy<Value = Option<f64>> {
 }
 
 proptest! {
+    /// Up to a sensitivity of 1 and a gain of 1 each step is a convex combination: no gain that changes
+    /// from frame to frame makes the loop grow, at any delay and for either sign.
+    #[test]
+    fn gains_that_change_never_make_it_grow(
+        gains in prop::collection::vec(0.0..1.0_f64, 1..300),
+        start in prop::collection::vec(-1.0..1.0_f64, 1..20),
+        sensitivity in -1.0..1.0_f64,
+    ) {
+        let (mut theta, delay) = (start.clone(), start.len());
+        let largest = start.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        for (k, gain) in gains.iter().enumerate() {
+            let now = theta[k + delay - 1];
+            theta.push(now + gain * (-sensitivity * theta[k] - now));
+            prop_assert!(theta[k + delay].abs() <= largest * (1.0 + 1e-12));
+        }
+    }
+
     #[test]
     fn any_sequence_keeps_the_correction_bounded(
         times in prop::collection::vec((anything(), anything()), 0..200),
@@ -201,6 +225,7 @@ proptest! {
         let gain = f64::from(per_mille) / 1000.0;
         let config = CorrectionConfig {
             gain,
+            max_gain: gain.max(0.8),
             max_correction,
             warm_up,
             outlier_threshold: outliers.then_some(4.0),

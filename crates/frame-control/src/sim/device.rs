@@ -24,8 +24,13 @@ pub struct DeviceSpec {
     pub efficiency: f64,
     /// Memory bandwidth in GB/s.
     pub bandwidth_gbs: f64,
+    /// Share of the bandwidth that scattered accesses reach, above 0 and up to 1.
+    pub scatter: f64,
     /// Bytes that caches hold, textures' included.
     pub cache_bytes: f64,
+    /// Length of a path, in nodes, at which half of what neighbouring rays fetched is evicted before
+    /// it is used again, in a view whose working set is as large as the caches.
+    pub reuse_nodes: f64,
     /// Cycles that a miss takes.
     pub latency_cycles: f64,
     /// Warps that a core keeps in flight.
@@ -63,14 +68,16 @@ impl DeviceSpec {
             lanes: 32.0,
             clock_ghz: 1.35,
             issue_cycles: 4.0,
-            efficiency: 0.72,
+            efficiency: 0.9,
             bandwidth_gbs: 86.4,
+            scatter: 0.145,
             cache_bytes: 200e3,
+            reuse_nodes: 60.0,
             latency_cycles: 460.0,
             resident_warps: 12.0,
             block_warps: 2.0,
             overhead_ms: 3.5,
-            divergence: 0.5,
+            divergence: 0.3,
             stack_levels: 40.0,
             spill: 0.0,
             noise: 0.006,
@@ -87,14 +94,16 @@ impl DeviceSpec {
         Self {
             name: "GeForce 580".into(),
             clock_ghz: 1.54,
-            issue_cycles: 2.0,
-            efficiency: 0.62,
+            issue_cycles: 1.7,
+            efficiency: 0.9,
             bandwidth_gbs: 192.4,
+            scatter: 0.37,
             cache_bytes: 1.5e6,
+            reuse_nodes: 50.0,
             latency_cycles: 600.0,
             resident_warps: 24.0,
             overhead_ms: 1.2,
-            divergence: 0.45,
+            divergence: 0.3,
             ..Self::geforce_8800()
         }
     }
@@ -106,15 +115,17 @@ impl DeviceSpec {
             cores: 20.0,
             lanes: 64.0,
             clock_ghz: 0.85,
-            issue_cycles: 4.0,
-            efficiency: 0.5,
+            issue_cycles: 3.1,
+            efficiency: 0.95,
             bandwidth_gbs: 153.6,
+            scatter: 0.26,
             cache_bytes: 700e3,
+            reuse_nodes: 55.0,
             latency_cycles: 520.0,
             resident_warps: 12.0,
             block_warps: 1.0,
             overhead_ms: 4.0,
-            divergence: 0.8,
+            divergence: 0.25,
             stack_levels: 21.0,
             spill: 0.03,
             ..Self::geforce_8800()
@@ -131,6 +142,7 @@ impl DeviceSpec {
             ("issue_cycles", self.issue_cycles),
             ("bandwidth_gbs", self.bandwidth_gbs),
             ("cache_bytes", self.cache_bytes),
+            ("reuse_nodes", self.reuse_nodes),
             ("latency_cycles", self.latency_cycles),
             ("resident_warps", self.resident_warps),
             ("block_warps", self.block_warps),
@@ -140,6 +152,7 @@ impl DeviceSpec {
             within(name, value, 1e-9, 1e12, ABOVE)?;
         }
         within("efficiency", self.efficiency, 1e-3, 1.0, "within 0.001 and 1")?;
+        within("scatter", self.scatter, 1e-3, 1.0, "within 0.001 and 1")?;
         within("overhead_ms", self.overhead_ms, 0.0, 1e6, "within 0 and 1e6")?;
         within("divergence", self.divergence, 0.0, 100.0, "within 0 and 100")?;
         within("spill", self.spill, 0.0, 10.0, "within 0 and 10")?;
@@ -150,21 +163,32 @@ impl DeviceSpec {
         within("throttle_celsius", self.throttle_celsius, 0.0, 1e3, "within 0 and 1000")
     }
 
-    /// Cost of one kind of rays: warp instructions and 32-byte sectors that caches do not hold.
-    fn rays(&self, rays: f64, steps: f64, tests: f64, alike: f64, hidden: &Hidden) -> Cost {
+    /// Cost of one kind of rays: warp instructions, 32-byte sectors that caches do not hold, and
+    /// warps that wait. `path` is how many nodes a ray's pixel has visited when it is done, `alike`
+    /// how much the rays of a warp have in common, 0 to 1.
+    fn rays(
+        &self,
+        rays: f64,
+        steps: f64,
+        tests: f64,
+        path: f64,
+        alike: f64,
+        hidden: &Hidden,
+    ) -> Cost {
         if rays <= 0.0 {
             return Cost::default();
         }
         // A warp runs until its last lane is done.
-        let apart =
-            1.0 + self.divergence * (hidden.spread + 1.0 - alike) * (self.lanes / 32.0).sqrt();
-        let instructions = rays / self.lanes * (steps * 24.0 + tests * 42.0 + 90.0) * apart;
+        let lanes = (self.lanes / 32.0).sqrt();
+        let apart = 1.0 + self.divergence * lanes * (hidden.spread + 1.0 - alike);
+        let instructions = rays / self.lanes * (steps * 30.0 + tests * 22.0 + 30.0) * apart;
         // What the lanes of a warp ask for together, or each for itself.
-        let shared = 1.0 / (1.0 + (self.lanes - 1.0) * alike * alike);
+        let shared = 1.0 / (1.0 + (self.lanes - 1.0) * alike.powi(4));
         let requests = rays * (steps * 2.0 + tests * 1.5) * shared;
-        // Rays that differ touch more of the tree between two uses of the same node.
-        let touched = hidden.working_set * (0.15 + 0.85 * (1.0 - alike));
-        let missed = (0.04 + 0.96 * touched / (touched + self.cache_bytes)).min(1.0);
+        // Long paths evict what neighbours would have used again, the sooner the more there is.
+        let crowding = (hidden.working_set / self.cache_bytes).max(1e-3).powf(0.06);
+        let length = (path * crowding / self.reuse_nodes).powf(2.5);
+        let missed = 0.02 + 0.98 * length / (1.0 + length);
         Cost {
             instructions,
             sectors: requests * missed,
@@ -172,42 +196,44 @@ impl DeviceSpec {
         }
     }
 
-    /// Milliseconds of a frame on a cool, idle device without noise.
-    fn time_ms(&self, view: &View, settings: &RenderSettings, clock: f64) -> f64 {
+    /// Milliseconds of a frame without noise, with the clocks of cores and memory over nominal.
+    fn time_ms(
+        &self,
+        view: &View,
+        settings: &RenderSettings,
+        clock: f64,
+        memory_clock: f64,
+    ) -> f64 {
         let (seen, hidden) = (&view.counters, &view.hidden);
         let pixels = seen.pixels * settings.render_scale * settings.render_scale;
         let shown = pixels * seen.visible;
         let visible = seen.visible.max(1e-9);
         let m = seen.coalescing.clamp(0.0, 1.0);
-        let mut cost = self.rays(
-            pixels,
-            seen.primary_traversals,
-            seen.primary_intersections,
-            0.3 + 0.7 * m,
-            hidden,
-        );
+        let (nodes, tests) = (seen.primary_traversals, seen.primary_intersections);
+        let mut cost = self.rays(pixels, nodes, tests, nodes, 0.3 + 0.7 * m, hidden);
         if settings.shadows {
-            let (steps, tests) = (seen.shadow_traversals, seen.shadow_intersections);
-            cost += self.rays(shown, steps / visible, tests / visible, 0.2 + 0.7 * m, hidden);
+            let steps = seen.shadow_traversals / visible;
+            let tests = seen.shadow_intersections / visible;
+            cost += self.rays(shown, steps, tests, nodes + steps, 0.2 + 0.7 * m, hidden);
         }
         let ao_rays = f64::from(settings.ao_rays);
         let reach = (settings.ao_radius / seen.ao_radius.max(1e-9)).max(0.0);
         // Longer rays pass more boxes, and meet something sooner or later.
         let grown = reach.powf(0.4).min(3.0);
         let (steps, tests) = (seen.ao_traversals / visible * grown, seen.ao_intersections * grown);
-        // Later rays of a pixel find in caches what the first ones fetched.
-        let warmed = 0.15 + 0.3 * m + 0.15 * ao_rays / (ao_rays + 12.0);
-        cost += self.rays(shown * ao_rays, steps, tests, warmed / grown.sqrt().max(1.0), hidden);
+        // Later rays of a pixel find in caches some of what the first ones fetched.
+        let alike = 0.15 + 0.3 * m + 0.1 * ao_rays / (ao_rays + 12.0);
+        cost += self.rays(shown * ao_rays, steps, tests, nodes + steps, alike, hidden);
         let near = settings.near_region.clamp(0.0, 1.0).sqrt();
         for bounce in 0..settings.reflection_depth {
             let left = 0.55_f64.powi(i32::from(bounce));
-            let steps = seen.primary_traversals * (0.5 + near);
-            cost += self.rays(pixels * seen.mirrors * left, steps, 3.0, 0.2, hidden);
+            let steps = nodes * (0.5 + near);
+            cost += self.rays(pixels * seen.mirrors * left, steps, 3.0, nodes + steps, 0.2, hidden);
         }
         let hertz = self.clock_ghz * clock * 1e6;
         let compute =
             cost.instructions * self.issue_cycles / (self.cores * self.efficiency) / hertz;
-        let memory = cost.sectors * 32.0 / (self.bandwidth_gbs * 1e6);
+        let memory = cost.sectors * 32.0 / (self.bandwidth_gbs * memory_clock * self.scatter * 1e6);
         let latency = cost.waits * self.latency_cycles / (self.cores * self.resident_warps) / hertz;
         // They overlap, but never wholly.
         let p = 2.5;
@@ -244,7 +270,7 @@ pub struct Device {
     spec: DeviceSpec,
     random: Random,
     celsius: f64,
-    /// Clock over the nominal one, as throttling leaves it.
+    /// Clock of the cores over the nominal one, as throttling leaves it; memory is not throttled.
     throttled: f64,
     /// What scripts change.
     pub(super) surroundings: Surroundings,
@@ -280,14 +306,14 @@ impl Device {
 
     /// Milliseconds that a frame would take on the cool, idle device without noise.
     pub fn ideal_ms(&self, view: &View, settings: &RenderSettings) -> f64 {
-        self.spec.time_ms(view, settings, 1.0)
+        self.spec.time_ms(view, settings, 1.0, 1.0)
     }
 
     /// Draws a frame: its time in milliseconds. Warms the device.
     pub fn draw(&mut self, view: &View, settings: &RenderSettings) -> f64 {
         let spec = &self.spec;
         let clock = self.throttled * self.surroundings.clock;
-        let alone = spec.time_ms(view, settings, clock);
+        let alone = spec.time_ms(view, settings, clock, self.surroundings.clock);
         let mut time = alone / (1.0 - self.surroundings.competing.clamp(0.0, 0.95));
         time *= (1.0 + spec.noise * self.random.normal()).max(0.5);
         if self.random.uniform() < spec.spike_rate {

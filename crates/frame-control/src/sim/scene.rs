@@ -214,12 +214,18 @@ impl Scene {
             let levels = cluster.triangles.max(2.0).log2();
             let steps = cluster.clutter * levels * (0.5 + 0.5 * chord);
             sums.steps += enters * steps;
-            sums.tests += enters * cluster.clutter * (1.0 + 0.5 * chord);
+            sums.tests += enters * (0.6 + 0.6 * cluster.clutter) * (1.0 + 0.5 * chord);
             // Pixels for each of its triangles: how alike the paths of neighbours are.
             let height = PIXELS.sqrt() * cluster.height / (distance * 0.8);
             let pixels = height * height * cluster.radius / cluster.height;
             let alike = (0.25 + 0.09 * (1.0 + 40.0 * pixels / cluster.triangles).log2()).min(0.95);
-            self.shade(&mut sums, stopped, cluster.clutter, levels, alike / cluster.clutter.sqrt());
+            self.shade(
+                &mut sums,
+                stopped,
+                cluster.clutter,
+                levels,
+                alike / (0.6 + 0.25 * cluster.clutter),
+            );
             sums.mirrors += stopped * cluster.mirror;
             sums.bytes += enters * cluster.triangles * BYTES_A_TRIANGLE * 0.6;
             open -= stopped;
@@ -227,7 +233,7 @@ impl Scene {
         let ground = open * self.ground_share;
         let levels = self.ground_triangles.max(2.0).log2();
         sums.steps += ground * self.ground_clutter * levels;
-        sums.tests += ground * 1.5 * self.ground_clutter;
+        sums.tests += ground * (0.9 + 0.6 * self.ground_clutter);
         sums.bytes += ground * self.ground_triangles * BYTES_A_TRIANGLE * 0.3;
         self.shade(&mut sums, ground, self.ground_clutter, levels, 0.8);
         sums
@@ -238,9 +244,9 @@ impl Scene {
         sums.visible += share;
         sums.coherence += share * alike;
         sums.shadow_steps += share * (0.45 * self.levels() + 0.7 * clutter * levels);
-        sums.shadow_tests += share * (0.6 + 0.8 * clutter);
-        sums.ao_steps += share * (0.15 * self.levels() + 0.55 * clutter * levels);
-        sums.ao_tests += share * (0.3 + 0.7 * clutter);
+        sums.shadow_tests += share * (0.6 + 0.5 * clutter);
+        sums.ao_steps += share * (0.15 * self.levels() + 0.6 * clutter * levels);
+        sums.ao_tests += share * (0.3 + 0.5 * clutter);
     }
 
     /// About the thesis's fairy scene: 174,000 triangles, five figures on a forest floor, mushrooms
@@ -252,7 +258,7 @@ impl Scene {
             height: 2.2,
             triangles,
             opacity: 0.9,
-            clutter: 1.5,
+            clutter: 2.7,
             mirror: 0.05,
         };
         let shrub = |x: f64, y: f64| Cluster {
@@ -261,7 +267,7 @@ impl Scene {
             height: 1.6,
             triangles: 9_000.0,
             opacity: 0.55,
-            clutter: 2.0,
+            clutter: 3.2,
             mirror: 0.0,
         };
         Self {
@@ -271,13 +277,13 @@ impl Scene {
                 figure(-1.8, 2.2, 22_000.0),
                 figure(-2.9, -1.6, 16_000.0),
                 figure(1.2, -2.7, 14_000.0),
-                shrub(5.5, -4.0),
-                shrub(-5.0, 5.2),
-                shrub(-6.5, -4.8),
+                shrub(3.6, -2.9),
+                shrub(-3.3, 3.4),
+                shrub(-4.2, -3.1),
                 wall(40.0, 0.0),
             ],
             ground_triangles: 35_000.0,
-            ground_clutter: 1.1,
+            ground_clutter: 2.1,
             ground_share: 0.75,
             size: 40.0,
         }
@@ -294,7 +300,7 @@ impl Scene {
                     height: 7.0,
                     triangles: 310_000.0,
                     opacity: 0.75,
-                    clutter: 2.3,
+                    clutter: 3.6,
                     mirror: 0.0,
                 },
                 Cluster {
@@ -303,7 +309,7 @@ impl Scene {
                     height: 3.6,
                     triangles: 42_000.0,
                     opacity: 1.0,
-                    clutter: 1.3,
+                    clutter: 2.2,
                     mirror: 0.12,
                 },
                 Cluster {
@@ -312,13 +318,13 @@ impl Scene {
                     height: 1.5,
                     triangles: 20_000.0,
                     opacity: 0.6,
-                    clutter: 1.9,
+                    clutter: 3.0,
                     mirror: 0.0,
                 },
                 wall(40.0, 0.0),
             ],
             ground_triangles: 50_000.0,
-            ground_clutter: 1.15,
+            ground_clutter: 2.2,
             ground_share: 0.8,
             size: 50.0,
         }

@@ -9,7 +9,8 @@ use super::{Camera, Scene, View};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Event {
-    /// The driver sets the clock to this share of the nominal one, 0.1 to 2.
+    /// The driver enters a power state with this share of the nominal clocks, of cores and of memory,
+    /// 0.1 to 2.
     Clock(f64),
     /// Another process takes this share of the device, 0 to 0.95.
     Competing(f64),
@@ -28,6 +29,12 @@ pub struct Script {
     pub cameras: Vec<Camera>,
     /// Events with the frame that they come before.
     pub events: Vec<(usize, Event)>,
+}
+
+/// First and last angle and distance of a camera that goes around the middle.
+struct Orbit {
+    angles: (f64, f64),
+    distances: (f64, f64),
 }
 
 impl Script {
@@ -56,12 +63,12 @@ impl Script {
     }
 
     /// Once around the scene while moving in on its middle, as both animations of the thesis do.
-    fn orbit(name: &str, scene: Scene, frames: usize, from: f64, to: f64, turn: f64) -> Self {
+    fn orbit(name: &str, scene: Scene, frames: usize, path: Orbit) -> Self {
         let cameras = (0..frames)
             .map(|frame| {
                 let t = frame as f64 / frames.saturating_sub(1).max(1) as f64;
-                let angle = 0.6 + turn * t;
-                let distance = from + (to - from) * t;
+                let angle = path.angles.0 + (path.angles.1 - path.angles.0) * t;
+                let distance = path.distances.0 + (path.distances.1 - path.distances.0) * t;
                 let position = [distance * angle.cos(), distance * angle.sin()];
                 Camera { position, heading: angle + PI }
             })
@@ -71,12 +78,14 @@ impl Script {
 
     /// The thesis's fairy animation.
     pub fn fairy(frames: usize) -> Self {
-        Self::orbit("fairy", Scene::fairy(), frames, 11.0, 4.2, 1.6 * PI)
+        let path = Orbit { angles: (0.6, 0.6 + 1.2 * PI), distances: (13.0, 8.5) };
+        Self::orbit("fairy", Scene::fairy(), frames, path)
     }
 
     /// The thesis's cabin animation: from afar to right next to the tree.
     pub fn cabin(frames: usize) -> Self {
-        Self::orbit("cabin", Scene::cabin(), frames, 16.0, 5.5, 1.2 * PI)
+        let path = Orbit { angles: (1.7, 1.7 + 0.9 * PI), distances: (12.0, 8.0) };
+        Self::orbit("cabin", Scene::cabin(), frames, path)
     }
 
     /// Looks at the scene, is suddenly before the wall, and looks back: frames `at` to `back`.
@@ -104,6 +113,22 @@ impl Script {
             })
             .collect();
         Self { name: "turn".into(), scene, cameras, events: Vec::new() }
+    }
+
+    /// Cuts to another view every few frames, as films and players who look around do: near and far,
+    /// at the middle of the scene and past it.
+    pub fn cuts(scene: Scene, frames: usize, every: usize) -> Self {
+        let cameras = (0..frames)
+            .map(|frame| {
+                let shot = (frame / every.max(1)) as f64;
+                let angle = 2.4 * shot + 0.002 * frame as f64;
+                let distance = 8.5 + 5.0 * (0.618 * shot).fract();
+                let position = [distance * angle.cos(), distance * angle.sin()];
+                let past = 0.9 * ((0.382 * shot).fract() - 0.5);
+                Camera { position, heading: angle + PI + past }
+            })
+            .collect();
+        Self { name: "cuts".into(), scene, cameras, events: Vec::new() }
     }
 
     /// Walks slowly past the scene.
