@@ -18,11 +18,7 @@ use anyhow::{Context, Result, bail};
 use niwaki_frame_control::{
     FrameRecord, Ladder, RenderSettings, Summary, frames_off, kendall_tau_b,
 };
-use niwaki_gpu_model::{
-    Device as DeviceTable, Workload,
-//MB    microbench,
-    workload::BackgroundSampler,
-};
+use niwaki_gpu_model::{Device as DeviceTable, Workload, microbench, workload::BackgroundSampler};
 use niwaki_gpu_tracer::{TracerCounts, TracerModel};
 use niwaki_metrics::TreeStats;
 use niwaki_trace::Mode;
@@ -123,7 +119,14 @@ fn real<'a>(args: &TuneArgs, known: &'a mut Option<Real>) -> Result<&'a Real> {
         let table = match &args.model {
             Some(model) => DeviceTable::load(model)?,
             None => {
-                let table = DeviceTable::builtin("geforce-580")?;
+                let mut settings = microbench::Settings::default();
+                if args.quick {
+                    settings.working_set_bytes = Some(8 << 20);
+                    settings.repeats = 2;
+                }
+                let table = microbench::measure(&device, &settings)
+                    .context("cannot measure the device; give its table by --model")?
+                    .device;
                 std::fs::create_dir_all(&args.out)
                     .with_context(|| format!("cannot make {}", args.out.display()))?;
                 let path = args.out.join("device.toml");
