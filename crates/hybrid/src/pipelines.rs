@@ -34,6 +34,7 @@ pub(crate) struct Variant {
     pub(crate) textures: bool,
     pub(crate) trace_shadows: bool,
     pub(crate) map_shadows: bool,
+    pub(crate) occlusion: bool,
     pub(crate) holds_all: bool,
     pub(crate) follow: bool,
     pub(crate) reflect: bool,
@@ -56,6 +57,10 @@ impl Variant {
             textures,
             trace_shadows: plan.uses(Effect::ShadowRays),
             map_shadows: plan.uses(Effect::ShadowMaps),
+            // Forcing traces them where the settings ask for some.
+            occlusion: plan.uses(Effect::OcclusionRays)
+                && settings.occlusion_rays > 0
+                && settings.occlusion_radius > 0.0,
             holds_all: plan.region_holds_all,
             follow: plan.follows_rays(),
             reflect: plan.uses(Effect::ReflectionRays),
@@ -71,6 +76,7 @@ impl Variant {
                 DebugView::HitSource => 1,
                 DebugView::Normal => 2,
                 DebugView::MarchSteps => 3,
+                DebugView::Occlusion => 4,
             },
         }
     }
@@ -83,6 +89,7 @@ impl Variant {
             ("TEXTURES", flag(self.textures)),
             ("TRACE_SHADOWS", flag(self.trace_shadows)),
             ("MAP_SHADOWS", flag(self.map_shadows)),
+            ("OCCLUSION", flag(self.occlusion)),
             ("HOLDS_ALL", flag(self.holds_all)),
             ("DEBUG_VIEW", f64::from(self.debug_view)),
         ]

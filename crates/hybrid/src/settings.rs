@@ -120,6 +120,8 @@ pub enum DebugView {
     /// Pixels of the cube map and cells of its pyramid that each pixel's rays looked at, relative
     /// to 512.
     MarchSteps,
+    /// The share of ambient light that arrives at the surface of each pixel.
+    Occlusion,
 }
 
 /// What to simulate and how finely. Everything here trades time for accuracy; `docs/accuracy.md` has
@@ -153,6 +155,12 @@ pub struct Settings {
     pub max_rays: u32,
     /// Ambient light: the share of the environment that surfaces see on average, 0 to 1.
     pub ambient: f32,
+    /// Rays from each surface in the near region that look for what holds ambient light back, 0
+    /// (the default) to 1024. Where the region ends they fade out: what lies beyond is not known.
+    pub occlusion_rays: u32,
+    /// How far they look, in units of the diagonal of the scene's bounds, 0 to 1. Default 0.1, that
+    /// of [`OcclusionSettings::for_scene`](niwaki_render::OcclusionSettings::for_scene).
+    pub occlusion_radius: f32,
     /// Perceptual roughness up to which surfaces are mirrors.
     pub mirror_roughness: f32,
     /// How shadows are found.
@@ -182,6 +190,8 @@ impl Default for Settings {
             throughput_cutoff: 0.0,
             max_rays: 1 << 16,
             ambient: 0.5,
+            occlusion_rays: 0,
+            occlusion_radius: 0.1,
             mirror_roughness: niwaki_scene::SceneFacts::MIRROR_ROUGHNESS,
             shadows: Shadows::Traced,
             shadow_resolution: 2048,
@@ -261,6 +271,8 @@ impl Settings {
             max_depth: self.max_depth.min(MAX_DEPTH),
             throughput_cutoff: within(self.throughput_cutoff, 0.0, 1.0, 0.0),
             ambient: within(self.ambient, 0.0, 1.0, standard.ambient),
+            occlusion_rays: self.occlusion_rays.min(1024),
+            occlusion_radius: within(self.occlusion_radius, 0.0, 1.0, standard.occlusion_radius),
             mirror_roughness: within(self.mirror_roughness, 0.0, 1.0, standard.mirror_roughness),
             ..self.clone()
         }

@@ -120,6 +120,7 @@ impl Frame<'_> {
             Effect::ReflectionRays | Effect::RefractionRays => {
                 Quality::Depth(self.settings.max_depth)
             }
+            Effect::OcclusionRays => Quality::Rays(self.settings.occlusion_rays),
             Effect::Alpha | Effect::ShadowRays | Effect::TransparencyRays | Effect::Sky => {
                 Quality::Full
             }
@@ -153,6 +154,7 @@ impl Frame<'_> {
             Effect::DepthPyramid => self.of_faces(effect, "rays may cross them"),
             Effect::NearRegion => self.near_region(),
             Effect::ShadowRays => self.shadow_rays(),
+            Effect::OcclusionRays => self.occlusion_rays(),
             Effect::ReflectionRays | Effect::RefractionRays => self.secondary(effect),
             Effect::TransparencyRays => self.transparency(),
             Effect::Sky => {
@@ -302,6 +304,32 @@ impl Frame<'_> {
         }
     }
 
+    fn traces_occlusion(&self) -> bool {
+        matches!(self.occlusion_rays().0, Decision::Run { .. })
+    }
+
+    fn occlusion_rays(&self) -> Ruling {
+        if self.settings.occlusion_rays == 0 {
+            return skip("the settings ask for none");
+        }
+        if self.settings.occlusion_radius <= 0.0 {
+            return skip("the settings give them no length");
+        }
+        if !self.facts.scene.lights.environment || self.settings.ambient <= 0.0 {
+            return skip("there is no ambient light to hold back");
+        }
+        if !self.facts.objects.iter().any(|o| o.lit) {
+            return skip("no surface scatters ambient light");
+        }
+        if self.visible.is_empty() {
+            return skip("the camera sees no object");
+        }
+        if self.in_region.is_empty() {
+            return skip("nothing lies in the near region");
+        }
+        run(self.quality(Effect::OcclusionRays), "surfaces in the near region scatter ambient light")
+    }
+
     /// Why no shadow matters, if none does.
     fn without_shadows(&self) -> Option<&'static str> {
         if self.facts.scene.lights.punctual() == 0 {
@@ -344,7 +372,7 @@ impl Frame<'_> {
     }
 
     fn near_region(&self) -> Ruling {
-        if !self.follows_rays() && !self.traces_shadows() {
+        if !self.follows_rays() && !self.traces_shadows() && !self.traces_occlusion() {
             return skip("no ray would be traced in it");
         }
         if self.in_region.is_empty() {

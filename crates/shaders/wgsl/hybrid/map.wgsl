@@ -1,5 +1,5 @@
 //!import hybrid/depth
-//!import hybrid/shadows
+//!import hybrid/light
 // The cube map: its faces, its layers, and what rays find there.
 
 @group(1) @binding(5) var face_depth: texture_depth_2d_array;

@@ -31,9 +31,10 @@ struct Frame {
     max_rays: u32,
     // The highest level of the depth pyramid that marches read; 0 without one.
     top_level: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    // Rays from each surface that look for what holds ambient light back, and how far they look.
+    occlusion_rays: u32,
+    occlusion_radius: f32,
+    pad: u32,
     // Relative to the centre: world to clip space of each face.
     faces: array<mat4x4f, 6>,
     // From clip space of face i to that of its neighbour beyond side k: 4 i + k.

@@ -171,6 +171,9 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     var depth = 0u;
     var passed = 0.0;
     var is_map = false;
+    // The first surface has drawn its directions.
+    occlusion_pixel = at;
+    occlusion_first = frame.occlusion_rays;
     loop {
         // Here: a surface `s` met along `d` by a ray of this weight.
         if s.opacity < 1.0 {
@@ -273,6 +276,7 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     count(C_REFRACTED, n_refracted);
     count(C_CONTINUED, n_continued);
     count(C_SHADOW, shadow_rays);
+    count(C_OCCLUSION, occlusion_count);
     count(C_TREE, n_tree);
     count(C_FACES, n_faces);
     count(C_SAMPLES, n_samples);
