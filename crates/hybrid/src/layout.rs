@@ -43,6 +43,8 @@ pub(crate) struct GpuMaterial {
 const REFLECTS: u32 = 1;
 const REFRACTS: u32 = 2;
 const POLISHED: u32 = 4;
+const SEE_THROUGH: u32 = 8;
+const CUT_OUT: u32 = 16;
 
 /// Longer than any map is deep, but finite: shaders may assume that there is no infinity.
 const ENDLESS: f32 = 1e30;
@@ -67,7 +69,8 @@ impl GpuMaterial {
             AlphaMode::Blend => (2, 0.0),
         };
         let thickness = unit(m.thickness * settings.thickness);
-        let thin = facts.transmissive;
+        let clear = settings.look_through && (facts.transmissive || facts.blended);
+        let thin = facts.transmissive || clear;
         let ior = m.index_of_refraction();
         Self {
             base_color: numbers(m.base_color),
@@ -92,7 +95,9 @@ impl GpuMaterial {
             },
             flags: u32::from(facts.reflective) * REFLECTS
                 + u32::from(facts.transmissive) * REFRACTS
-                + u32::from(facts.polished) * POLISHED,
+                + u32::from(facts.polished) * POLISHED
+                + u32::from(clear) * SEE_THROUGH
+                + u32::from(settings.look_through && facts.has_alpha() && !clear) * CUT_OUT,
             mean_fresnel: mean_fresnel(ior),
             pad: [0; 2],
         }

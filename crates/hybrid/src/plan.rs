@@ -166,6 +166,8 @@ pub struct Kept {
     pub tree_holds_all: bool,
     /// The region for which each face was drawn, and its resolution.
     pub faces: [Option<(Region, u32)>; 6],
+    /// Layers of the faces.
+    pub layers: u32,
     /// Layers and resolution of the shadow maps.
     pub shadow_maps: Option<(u32, u32)>,
 }
@@ -181,6 +183,8 @@ pub struct EffectPlan {
     pub visible: Vec<u32>,
     /// Numbers of the objects that each face may show.
     pub in_faces: [Vec<u32>; 6],
+    /// Layers of the cube map: 2 if the settings ask for them or rays look through something.
+    pub layers: u32,
     /// Numbers of the objects that meet the traced region.
     pub in_region: Vec<u32>,
     /// True if the tree of the near region holds every triangle of the scene.

@@ -143,6 +143,12 @@ pub struct Settings {
     pub layers: u32,
     /// What becomes of rays that pass behind the map's surfaces.
     pub behind: Behind,
+    /// Rays look through surfaces of the map that light passes, glass and what is blended: they go
+    /// straight on. What lies behind such surfaces, and behind those that alpha cuts out, is drawn
+    /// into a second layer that has nothing else unless `layers` asks for it. Otherwise what is
+    /// blended counts as opaque, and rays that have passed glass go to the environment, as in the
+    /// paper. Default true.
+    pub look_through: bool,
     /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
     /// behind their fronts surfaces of the map still count as met. Default 1.
     pub thickness: f32,
@@ -185,6 +191,7 @@ impl Default for Settings {
             march: March::Hierarchical,
             layers: 1,
             behind: Behind::GoOn,
+            look_through: true,
             thickness: 1.0,
             max_depth: 4,
             throughput_cutoff: 0.0,
@@ -234,13 +241,14 @@ impl Settings {
         Self { near_region: NearRegion::WholeScene, ..Self::fine() }
     }
 
-    /// As the paper describes it: rays march in steps, those that pass behind go to the sky, shadows
-    /// come from maps.
+    /// As the paper describes it: rays march in steps, those that pass behind and those that pass
+    /// glass in the map go to the sky, shadows come from maps.
     #[must_use]
     pub fn paper() -> Self {
         Self {
             march: March::LINEAR,
             behind: Behind::Sky,
+            look_through: false,
             shadows: Shadows::Maps,
             ..Self::default()
         }

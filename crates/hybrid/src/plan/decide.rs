@@ -80,11 +80,13 @@ impl Frame<'_> {
             passes.push(PlannedPass { effect, decision, reason });
         }
         let region_holds_all = self.holds_all();
+        let layers = self.layers();
         let mut plan = EffectPlan {
             passes,
             region: self.region,
             visible: self.visible,
             in_faces: self.in_faces,
+            layers,
             in_region: self.in_region,
             region_holds_all,
             kept: Kept::default(),
@@ -144,10 +146,13 @@ impl Frame<'_> {
             },
             Effect::ShadowMaps => self.shadow_maps(),
             Effect::CubeFace(face) => self.face(face),
-            Effect::SecondLayer if self.settings.layers < 2 => {
-                skip("the settings ask for one layer")
+            Effect::SecondLayer if self.settings.layers >= 2 => {
+                self.of_faces(effect, "rays may pass behind what they show")
             }
-            Effect::SecondLayer => self.of_faces(effect, "rays may pass behind what they show"),
+            Effect::SecondLayer if self.layers() < 2 => {
+                skip("the settings ask for one layer, and the map shows nothing to look through")
+            }
+            Effect::SecondLayer => self.of_faces(effect, "glass, blended or cut-out surfaces hide something"),
             Effect::DepthPyramid if !self.settings.march.needs_pyramid() => {
                 skip("the settings march without it")
             }
@@ -232,6 +237,13 @@ impl Frame<'_> {
         self.region.holds(self.bounds)
     }
 
+    /// Layers of the cube map.
+    fn layers(&self) -> u32 {
+        let clear = |i: &u32| self.facts.objects[*i as usize].is_clear();
+        let seen = self.settings.look_through && self.in_faces.iter().flatten().any(clear);
+        if seen { 2 } else { self.settings.layers }
+    }
+
     fn face(&self, face: Face) -> Ruling {
         if !self.follows_rays() {
             return skip("no ray would enter it");
@@ -245,7 +257,10 @@ impl Frame<'_> {
             });
         }
         let last = self.facts.kept.and_then(|k| k.faces[face.index()]);
-        if last == Some((self.region, self.settings.face_resolution)) {
+        let layers = self.facts.kept.map(|k| k.layers);
+        if last == Some((self.region, self.settings.face_resolution))
+            && layers == Some(self.layers())
+        {
             let touched = |i: usize| {
                 let object = &self.facts.objects[i];
                 object.moved_from.is_some_and(|from| {
@@ -412,8 +427,12 @@ fn remaining(plan: &EffectPlan, settings: &Settings, moved: bool, before: Option
     for face in Face::ALL {
         if plan.uses(Effect::CubeFace(face)) {
             kept.faces[face.index()] = Some((plan.region, settings.face_resolution));
+        } else if kept.layers != plan.layers {
+            // Another number of layers is another map.
+            kept.faces[face.index()] = None;
         }
     }
+    kept.layers = plan.layers;
     match plan.decision(Effect::NearRegion) {
         Decision::Run { .. } => {
             kept.tree = Some(plan.region);

@@ -77,6 +77,10 @@ const ALPHA_MASK = 1u;
 const ALPHA_BLEND = 2u;
 const RAYS_REFLECT = 1u;
 const RAYS_REFRACT = 2u;
+// Light passes it, and rays look through it in the cube map.
+const SEE_THROUGH = 8u;
+// It has holes, beside which rays see what it hides from the centre of the map.
+const CUT_OUT = 16u;
 // The whole material is smooth enough for its coat to be a mirror.
 const POLISHED = 4u;
 
