@@ -269,7 +269,7 @@ fn plan(scene: &Scene, facts: &SceneFacts, settings: &WhittedSettings) -> Effect
     }
     if settings.occlusion_rays == 0 {
         plan = plan.without(Effect::Occlusion, "the settings ask for no rays");
-    } else if !(settings.occlusion_radius > 0.0) {
+    } else if settings.occlusion_radius.is_nan() || settings.occlusion_radius <= 0.0 {
         plan = plan.without(Effect::Occlusion, "the settings ask for no radius");
     } else if !plan.runs(Effect::Ambient) {
         plan = plan.without(Effect::Occlusion, "there is no ambient light to hold back");

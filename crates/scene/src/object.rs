@@ -92,9 +92,10 @@ impl Scene {
         for object in &objects {
             let size = object.bounds.max.as_dvec3() - object.bounds.min.as_dvec3();
             // A long arch hides little, so the length of one side makes no wall.
-            let second_longest = size.to_array().into_iter().fold([0.0; 2], |[a, b], side| {
-                if side > a { [side, a] } else { [a, side.max(b)] }
-            })[1];
+            let second_longest =
+                size.to_array().into_iter().fold([0.0; 2], |[a, b], side| {
+                    if side > a { [side, a] } else { [a, side.max(b)] }
+                })[1];
             let is_wall = !object.dynamic && second_longest >= 0.25 * diagonal;
             let chord = mean_chord(&self.mesh, object).min(size.max_element());
             #[expect(clippy::cast_possible_truncation, reason = "a share of one in f32 is enough")]

@@ -115,7 +115,7 @@ pub(super) fn parts(report: &FrameReport) -> Vec<Part> {
 }
 
 /// What a frame counted, by name.
-pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 19] {
+pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 20] {
     let counters = &report.counters;
     [
         ("triangles in the tree", report.region_triangles.into()),

@@ -152,7 +152,9 @@ impl Frame<'_> {
             Effect::SecondLayer if self.layers() < 2 => {
                 skip("the settings ask for one layer, and the map shows nothing to look through")
             }
-            Effect::SecondLayer => self.of_faces(effect, "glass, blended or cut-out surfaces hide something"),
+            Effect::SecondLayer => {
+                self.of_faces(effect, "glass, blended or cut-out surfaces hide something")
+            }
             Effect::DepthPyramid if !self.settings.march.needs_pyramid() => {
                 skip("the settings march without it")
             }
@@ -342,7 +344,10 @@ impl Frame<'_> {
         if self.in_region.is_empty() {
             return skip("nothing lies in the near region");
         }
-        run(self.quality(Effect::OcclusionRays), "surfaces in the near region scatter ambient light")
+        run(
+            self.quality(Effect::OcclusionRays),
+            "surfaces in the near region scatter ambient light",
+        )
     }
 
     /// Why no shadow matters, if none does.
