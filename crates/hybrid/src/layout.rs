@@ -1,5 +1,5 @@
 //! What buffers hold: the Rust twins of the structures in `hybrid/scene.wgsl` and
-//! `hybrid/shadows.wgsl`.
+//! `hybrid/visibility.wgsl`.
 
 use crate::{Face, March, Region, Settings, Side};
 use bytemuck::{Pod, Zeroable};
@@ -43,6 +43,8 @@ pub(crate) struct GpuMaterial {
 const REFLECTS: u32 = 1;
 const REFRACTS: u32 = 2;
 const POLISHED: u32 = 4;
+const SEE_THROUGH: u32 = 8;
+const CUT_OUT: u32 = 16;
 
 /// Longer than any map is deep, but finite: shaders may assume that there is no infinity.
 const ENDLESS: f32 = 1e30;
@@ -67,7 +69,8 @@ impl GpuMaterial {
             AlphaMode::Blend => (2, 0.0),
         };
         let thickness = unit(m.thickness * settings.thickness);
-        let thin = facts.transmissive;
+        let clear = settings.look_through && (facts.transmissive || facts.blended);
+        let thin = facts.transmissive || clear;
         let ior = m.index_of_refraction();
         Self {
             base_color: numbers(m.base_color),
@@ -92,7 +95,9 @@ impl GpuMaterial {
             },
             flags: u32::from(facts.reflective) * REFLECTS
                 + u32::from(facts.transmissive) * REFRACTS
-                + u32::from(facts.polished) * POLISHED,
+                + u32::from(facts.polished) * POLISHED
+                + u32::from(clear) * SEE_THROUGH
+                + u32::from(settings.look_through && facts.has_alpha() && !clear) * CUT_OUT,
             mean_fresnel: mean_fresnel(ior),
             pad: [0; 2],
         }
@@ -139,7 +144,7 @@ pub(crate) struct GpuLight {
 }
 
 impl GpuLight {
-    /// `pixel` and `maps`: see `hybrid/shadows.wgsl`.
+    /// `pixel` and `maps`: see `hybrid/visibility.wgsl`.
     pub(crate) fn new(light: &Light, layer: u32, maps: u32, pixel: f32) -> Self {
         let (kind, inner, outer) = match light.kind {
             LightKind::Point => (0, 0.0, 0.0),
@@ -200,7 +205,9 @@ pub(crate) struct FrameUniform {
     ambient_down: Vec3,
     max_rays: u32,
     top_level: u32,
-    pad: [u32; 3],
+    occlusion_rays: u32,
+    occlusion_radius: f32,
+    pad: u32,
     faces: [Mat4; 6],
     hops: [Mat4; 24],
 }
@@ -217,6 +224,8 @@ pub(crate) struct FrameInput<'a> {
     /// Bit i: face i holds something.
     pub(crate) face_mask: u32,
     pub(crate) light_count: u32,
+    /// That of the scene's bounds at rest.
+    pub(crate) diagonal: f32,
     /// The highest level of the depth pyramid; 0 if marches read none.
     pub(crate) top_level: u32,
 }
@@ -270,7 +279,10 @@ impl FrameUniform {
             ambient_down: ambient.down,
             max_rays: settings.max_rays,
             top_level: input.top_level,
-            pad: [0; 3],
+            occlusion_rays: settings.occlusion_rays,
+            // Finite, as shaders may assume that there is no infinity.
+            occlusion_radius: (settings.occlusion_radius * input.diagonal).min(ENDLESS),
+            pad: 0,
             faces: Face::ALL.map(|face| local.view_projection(face)),
             hops,
         }

@@ -34,6 +34,7 @@ pub(crate) struct Variant {
     pub(crate) textures: bool,
     pub(crate) trace_shadows: bool,
     pub(crate) map_shadows: bool,
+    pub(crate) occlusion: bool,
     pub(crate) holds_all: bool,
     pub(crate) follow: bool,
     pub(crate) reflect: bool,
@@ -43,6 +44,10 @@ pub(crate) struct Variant {
     pub(crate) go_on: bool,
     /// Marches go from pixel to pixel.
     pub(crate) walk: bool,
+    /// Rays look through glass and blended surfaces of the map.
+    pub(crate) look_through: bool,
+    /// The second layer has only what is seen through the first.
+    pub(crate) through_only: bool,
     /// Layers of the cube map that rays look at.
     pub(crate) layers: u32,
     pub(crate) debug_view: u32,
@@ -56,6 +61,10 @@ impl Variant {
             textures,
             trace_shadows: plan.uses(Effect::ShadowRays),
             map_shadows: plan.uses(Effect::ShadowMaps),
+            // Forcing traces them where the settings ask for some.
+            occlusion: plan.uses(Effect::OcclusionRays)
+                && settings.occlusion_rays > 0
+                && settings.occlusion_radius > 0.0,
             holds_all: plan.region_holds_all,
             follow: plan.follows_rays(),
             reflect: plan.uses(Effect::ReflectionRays),
@@ -64,13 +73,16 @@ impl Variant {
             as_printed: matches!(settings.march, March::Linear { rule: SampleRule::AsPrinted, .. }),
             go_on: settings.behind == Behind::GoOn,
             walk: !matches!(settings.march, March::Linear { .. }),
-            // Forcing draws the second layer, but what rays look at is a matter of the settings.
-            layers: if plan.uses(Effect::SecondLayer) { settings.layers } else { 1 },
+            look_through: settings.look_through,
+            through_only: plan.layers > settings.layers,
+            // Forcing draws the second layer, but what rays look at is as planned.
+            layers: if plan.uses(Effect::SecondLayer) { plan.layers } else { 1 },
             debug_view: match settings.debug_view {
                 DebugView::None => 0,
                 DebugView::HitSource => 1,
                 DebugView::Normal => 2,
                 DebugView::MarchSteps => 3,
+                DebugView::Occlusion => 4,
             },
         }
     }
@@ -83,6 +95,7 @@ impl Variant {
             ("TEXTURES", flag(self.textures)),
             ("TRACE_SHADOWS", flag(self.trace_shadows)),
             ("MAP_SHADOWS", flag(self.map_shadows)),
+            ("OCCLUSION", flag(self.occlusion)),
             ("HOLDS_ALL", flag(self.holds_all)),
             ("DEBUG_VIEW", f64::from(self.debug_view)),
         ]
@@ -104,7 +117,7 @@ pub(crate) struct Pipelines {
     pub(crate) kernel_layout: wgpu::BindGroupLayout,
     pub(crate) deform_layout: wgpu::BindGroupLayout,
     pub(crate) size_layout: wgpu::BindGroupLayout,
-    rasters: Made<(Target, [bool; 2]), wgpu::RenderPipeline>,
+    rasters: Made<(Target, [bool; 3]), wgpu::RenderPipeline>,
     primaries: Made<Variant, wgpu::ComputePipeline>,
     traces: Made<(Variant, u32), wgpu::ComputePipeline>,
     movers: Made<(), wgpu::ComputePipeline>,
@@ -218,17 +231,16 @@ impl Pipelines {
         variant: Variant,
     ) -> Result<wgpu::RenderPipeline, HybridError> {
         let Variant { alpha, textures, .. } = variant;
-        let key = (target, [alpha, textures]);
-        self.rasters.get(key, || self.make_raster(gpu, scene, target, alpha, textures))
+        let through_only = variant.through_only && target == Target::Second;
+        let key = (target, [alpha, textures, through_only]);
+        self.rasters.get(key, || self.make_raster(gpu, scene, key))
     }
 
     fn make_raster(
         &self,
         gpu: &Gpu,
         scene: &wgpu::BindGroupLayout,
-        target: Target,
-        alpha: bool,
-        textures: bool,
+        (target, [alpha, textures, through_only]): (Target, [bool; 3]),
     ) -> Result<wgpu::RenderPipeline, HybridError> {
         let layout = match target {
             Target::Second => {
@@ -254,7 +266,11 @@ impl Pipelines {
             }
         };
         let flag = |b: bool| f64::from(u8::from(b));
-        let constants = [("ALPHA", flag(alpha)), ("TEXTURES", flag(textures))];
+        let constants = [
+            ("ALPHA", flag(alpha)),
+            ("TEXTURES", flag(textures)),
+            ("THROUGH_ONLY", flag(through_only)),
+        ];
         let options = wgpu::PipelineCompilationOptions {
             constants: &constants,
             ..wgpu::PipelineCompilationOptions::default()
@@ -320,6 +336,8 @@ impl Pipelines {
             as_printed: false,
             go_on: false,
             walk: false,
+            look_through: false,
+            through_only: false,
             layers: 1,
             ..variant
         };
@@ -347,6 +365,8 @@ impl Pipelines {
             ("AS_PRINTED", flag(variant.as_printed)),
             ("GO_ON", flag(variant.go_on)),
             ("WALK", flag(variant.walk)),
+            ("LOOK_THROUGH", flag(variant.look_through)),
+            ("THROUGH_ONLY", flag(variant.through_only && variant.layers > 1)),
             ("LAYERS", f64::from(variant.layers)),
         ]);
         let layouts = [scene, &self.kernel_layout];

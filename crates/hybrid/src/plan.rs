@@ -55,6 +55,8 @@ pub enum Effect {
     NearRegion,
     /// Tracing rays to lights within the near region.
     ShadowRays,
+    /// Tracing rays that look for what holds ambient light back within the near region.
+    OcclusionRays,
     /// Following reflected rays (section 3.4).
     ReflectionRays,
     /// Following refracted rays.
@@ -67,7 +69,7 @@ pub enum Effect {
 
 impl Effect {
     /// All effects in the order in which a frame runs them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Deformation,
         Self::PrimaryView,
         Self::Alpha,
@@ -82,6 +84,7 @@ impl Effect {
         Self::DepthPyramid,
         Self::NearRegion,
         Self::ShadowRays,
+        Self::OcclusionRays,
         Self::ReflectionRays,
         Self::RefractionRays,
         Self::TransparencyRays,
@@ -121,6 +124,8 @@ pub enum Quality {
         /// Width and height in pixels.
         resolution: u32,
     },
+    /// This many rays from each surface.
+    Rays(u32),
     /// Followed up to this many surfaces.
     Depth(u32),
 }
@@ -161,6 +166,8 @@ pub struct Kept {
     pub tree_holds_all: bool,
     /// The region for which each face was drawn, and its resolution.
     pub faces: [Option<(Region, u32)>; 6],
+    /// Layers of the faces.
+    pub layers: u32,
     /// Layers and resolution of the shadow maps.
     pub shadow_maps: Option<(u32, u32)>,
 }
@@ -176,6 +183,8 @@ pub struct EffectPlan {
     pub visible: Vec<u32>,
     /// Numbers of the objects that each face may show.
     pub in_faces: [Vec<u32>; 6],
+    /// Layers of the cube map: 2 if the settings ask for them or rays look through something.
+    pub layers: u32,
     /// Numbers of the objects that meet the traced region.
     pub in_region: Vec<u32>,
     /// True if the tree of the near region holds every triangle of the scene.
@@ -241,6 +250,7 @@ impl fmt::Display for Effect {
             Self::DepthPyramid => f.pad("depth pyramid"),
             Self::NearRegion => f.pad("near region"),
             Self::ShadowRays => f.pad("shadow rays"),
+            Self::OcclusionRays => f.pad("occlusion rays"),
             Self::ReflectionRays => f.pad("reflection rays"),
             Self::RefractionRays => f.pad("refraction rays"),
             Self::TransparencyRays => f.pad("transparency rays"),
@@ -259,6 +269,7 @@ impl fmt::Display for Quality {
             }
             Self::Faces { faces, resolution } => write!(f, "{faces} of {resolution}x{resolution}"),
             Self::Maps { layers, resolution } => write!(f, "{layers} of {resolution}x{resolution}"),
+            Self::Rays(n) => write!(f, "{} a surface", counted(n, "ray")),
             Self::Depth(n) => write!(f, "depth {n}"),
         }
     }

@@ -267,6 +267,7 @@ impl HybridRenderer {
             environment: &self.scene.environment,
             sky: plan.uses(Effect::Sky),
             face_mask,
+            diagonal: self.uploaded.diagonal,
             light_count: niwaki_core::to_u32(self.lights.len()),
             top_level: match self.settings.march {
                 March::Hierarchical if plan.uses(Effect::DepthPyramid) => self.pyramid.top_level(),

@@ -44,11 +44,13 @@ pub struct Counters {
     pub pyramid_cells: u64,
     /// Rays that met a surface of the cube map's second layer; they count in `map_hits` too.
     pub second_layer_hits: u64,
+    /// Rays that looked for what holds ambient light back.
+    pub occlusion_rays: u64,
 }
 
 impl Counters {
     /// Number of counters; each takes two words on the GPU.
-    pub(crate) const COUNT: usize = 18;
+    pub(crate) const COUNT: usize = 19;
 
     pub(crate) fn from_words(words: &[u32]) -> Self {
         let n = |i: usize| {
@@ -74,6 +76,7 @@ impl Counters {
             cut_rays: n(15),
             pyramid_cells: n(16),
             second_layer_hits: n(17),
+            occlusion_rays: n(18),
         }
     }
 }

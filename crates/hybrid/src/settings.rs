@@ -120,6 +120,8 @@ pub enum DebugView {
     /// Pixels of the cube map and cells of its pyramid that each pixel's rays looked at, relative
     /// to 512.
     MarchSteps,
+    /// The share of ambient light that arrives at the surface of each pixel.
+    Occlusion,
 }
 
 /// What to simulate and how finely. Everything here trades time for accuracy; `docs/accuracy.md` has
@@ -141,6 +143,12 @@ pub struct Settings {
     pub layers: u32,
     /// What becomes of rays that pass behind the map's surfaces.
     pub behind: Behind,
+    /// Rays look through surfaces of the map that light passes, glass and what is blended: they go
+    /// straight on. What lies behind such surfaces, and behind those that alpha cuts out, is drawn
+    /// into a second layer that has nothing else unless `layers` asks for it. Otherwise what is
+    /// blended counts as opaque, and rays that have passed glass go to the environment, as in the
+    /// paper. Default true.
+    pub look_through: bool,
     /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
     /// behind their fronts surfaces of the map still count as met. Default 1.
     pub thickness: f32,
@@ -153,6 +161,12 @@ pub struct Settings {
     pub max_rays: u32,
     /// Ambient light: the share of the environment that surfaces see on average, 0 to 1.
     pub ambient: f32,
+    /// Rays from each surface in the near region that look for what holds ambient light back, 0
+    /// (the default) to 1024. Where the region ends they fade out: what lies beyond is not known.
+    pub occlusion_rays: u32,
+    /// How far they look, in units of the diagonal of the scene's bounds, 0 to 1. Default 0.1, that
+    /// of [`OcclusionSettings::for_scene`](niwaki_render::OcclusionSettings::for_scene).
+    pub occlusion_radius: f32,
     /// Perceptual roughness up to which surfaces are mirrors.
     pub mirror_roughness: f32,
     /// How shadows are found.
@@ -177,11 +191,14 @@ impl Default for Settings {
             march: March::Hierarchical,
             layers: 1,
             behind: Behind::GoOn,
+            look_through: true,
             thickness: 1.0,
             max_depth: 4,
             throughput_cutoff: 0.0,
             max_rays: 1 << 16,
             ambient: 0.5,
+            occlusion_rays: 0,
+            occlusion_radius: 0.1,
             mirror_roughness: niwaki_scene::SceneFacts::MIRROR_ROUGHNESS,
             shadows: Shadows::Traced,
             shadow_resolution: 2048,
@@ -224,13 +241,14 @@ impl Settings {
         Self { near_region: NearRegion::WholeScene, ..Self::fine() }
     }
 
-    /// As the paper describes it: rays march in steps, those that pass behind go to the sky, shadows
-    /// come from maps.
+    /// As the paper describes it: rays march in steps, those that pass behind and those that pass
+    /// glass in the map go to the sky, shadows come from maps.
     #[must_use]
     pub fn paper() -> Self {
         Self {
             march: March::LINEAR,
             behind: Behind::Sky,
+            look_through: false,
             shadows: Shadows::Maps,
             ..Self::default()
         }
@@ -261,6 +279,8 @@ impl Settings {
             max_depth: self.max_depth.min(MAX_DEPTH),
             throughput_cutoff: within(self.throughput_cutoff, 0.0, 1.0, 0.0),
             ambient: within(self.ambient, 0.0, 1.0, standard.ambient),
+            occlusion_rays: self.occlusion_rays.min(1024),
+            occlusion_radius: within(self.occlusion_radius, 0.0, 1.0, standard.occlusion_radius),
             mirror_roughness: within(self.mirror_roughness, 0.0, 1.0, standard.mirror_roughness),
             ..self.clone()
         }

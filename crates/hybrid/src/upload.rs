@@ -27,6 +27,8 @@ pub(crate) struct GpuScene {
     pub(crate) layout: wgpu::BindGroupLayout,
     pub(crate) group: wgpu::BindGroup,
     pub(crate) facts: SceneFacts,
+    /// Of the bounds of the scene at rest.
+    pub(crate) diagonal: f32,
     /// The objects at rest.
     pub(crate) objects: Vec<ObjectFacts>,
     vertex_ranges: Vec<Range<u32>>,
@@ -149,6 +151,7 @@ impl GpuScene {
             layout,
             group,
             facts,
+            diagonal: diagonal(scene),
             objects,
             vertex_ranges,
         };
@@ -168,19 +171,11 @@ impl GpuScene {
     }
 
     fn write_materials(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) {
-        let bounds = scene.mesh.bounds();
-        let diagonal = if bounds.is_empty() {
-            1.0
-        } else {
-            (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length().min(1e30)
-        };
-        #[expect(clippy::cast_possible_truncation, reason = "at most 1e30")]
-        let diagonal = diagonal as f32;
         let materials: Vec<GpuMaterial> = scene
             .materials
             .iter()
             .zip(&self.facts.materials)
-            .map(|(m, f)| GpuMaterial::new(m, f, settings, diagonal, scene.textures.len()))
+            .map(|(m, f)| GpuMaterial::new(m, f, settings, self.diagonal, scene.textures.len()))
             .collect();
         gpu.queue.write_buffer(&self.materials, 0, bytemuck::cast_slice(&materials));
     }
@@ -240,6 +235,19 @@ impl GpuScene {
     pub(crate) fn triangles(&self) -> u32 {
         to_u32(self.facts.triangles)
     }
+}
+
+/// The diagonal of the scene's bounds at rest; 1 without any.
+fn diagonal(scene: &Scene) -> f32 {
+    let bounds = scene.mesh.bounds();
+    let diagonal = if bounds.is_empty() {
+        1.0
+    } else {
+        (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length().min(1e30)
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1e30")]
+    let diagonal = diagonal as f32;
+    diagonal
 }
 
 /// True if object `i` is not as it was.

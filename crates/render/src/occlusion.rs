@@ -9,6 +9,7 @@ use crate::{
     rng::Sampler,
     sampling::{Frame, cosine_hemisphere},
     stats::{Observer, RenderStats},
+    surface::Surface,
     tiles::render_tiles,
     view::View,
 };
@@ -107,23 +108,47 @@ impl AmbientOcclusion {
             let Some(found) = found.filter(|_| samples > 0 && radius > 0.0) else {
                 return Vec3::ONE;
             };
-            let (normal, geometric) = (found.surface.normal, found.surface.geometric_normal);
-            let frame = Frame::new(normal);
-            let origin = offset_origin(found.surface.point, geometric, found.surface.reach);
-            let mut open = 0.0;
-            for sample in 0..samples {
-                let pixel = y.wrapping_mul(width).wrapping_add(x);
-                let mut sampler = Sampler::new(pixel, sample, seed);
-                let direction = frame.to_world(cosine_hemisphere(sampler.next_2d()));
-                // What the shading normal shows but the surface itself hides is closed.
-                if direction.dot(geometric) <= 0.0 {
-                    continue;
-                }
-                stats.occlusion_rays += 1;
-                let ray = Ray::new(origin, direction).with_range(0.0, radius);
-                open += query.visibility(ray, stats);
-            }
-            Vec3::splat(open / samples as f32)
+            let place = Place { pixel: y.wrapping_mul(width).wrapping_add(x), first: 0, seed };
+            Vec3::splat(open_share(&query, &found.surface, samples, radius, place, stats))
         })
     }
+}
+
+/// Where in an image directions are drawn: each place has its own.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// Number of the pixel.
+    pub(crate) pixel: u32,
+    /// Number of the first direction among those of the pixel.
+    pub(crate) first: u32,
+    pub(crate) seed: u64,
+}
+
+/// The share of `samples` rays about the shading normal, cosine-distributed, that nothing within
+/// `radius` holds back.
+pub(crate) fn open_share<I: Intersector + ?Sized>(
+    query: &Query<'_, I>,
+    surface: &Surface<'_>,
+    samples: u32,
+    radius: f32,
+    place: Place,
+    stats: &mut RenderStats,
+) -> f32 {
+    let geometric = surface.geometric_normal;
+    let frame = Frame::new(surface.normal);
+    let origin = offset_origin(surface.point, geometric, surface.reach);
+    let mut open = 0.0;
+    for sample in 0..samples {
+        let number = place.first.wrapping_add(sample);
+        let mut sampler = Sampler::new(place.pixel, number, place.seed);
+        let direction = frame.to_world(cosine_hemisphere(sampler.next_2d()));
+        // What the shading normal shows but the surface itself hides is closed.
+        if direction.dot(geometric) <= 0.0 {
+            continue;
+        }
+        stats.occlusion_rays += 1;
+        let ray = Ray::new(origin, direction).with_range(0.0, radius);
+        open += query.visibility(ray, stats);
+    }
+    open / samples as f32
 }

@@ -28,6 +28,8 @@ pub enum Effect {
     EnvironmentLight,
     /// Light that stands for what bounced more than the integrator follows.
     Ambient,
+    /// Rays that find out how much of the ambient light surfaces around hold back.
+    Occlusion,
     /// What rays that leave the scene see.
     Sky,
     /// Light that surfaces give off, where a ray meets them.
@@ -44,11 +46,12 @@ pub enum Effect {
 
 impl Effect {
     /// All effects in the order of a plan.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::PunctualLight,
         Self::AreaLight,
         Self::EnvironmentLight,
         Self::Ambient,
+        Self::Occlusion,
         Self::Sky,
         Self::Emission,
         Self::Alpha,
@@ -65,6 +68,7 @@ impl fmt::Display for Effect {
             Self::AreaLight => "area light",
             Self::EnvironmentLight => "environment light",
             Self::Ambient => "ambient",
+            Self::Occlusion => "occlusion",
             Self::Sky => "sky",
             Self::Emission => "emission",
             Self::Alpha => "alpha",
@@ -179,7 +183,7 @@ fn called_for(effect: Effect, facts: &SceneFacts) -> (bool, String) {
             n => (true, format!("{n} punctual lights shine")),
         },
         Effect::AreaLight | Effect::Emission => materials(worn(|m| m.emissive), "emits", "emit"),
-        Effect::EnvironmentLight | Effect::Sky | Effect::Ambient => (
+        Effect::EnvironmentLight | Effect::Sky | Effect::Ambient | Effect::Occlusion => (
             lights.environment,
             if lights.environment { "the environment shines" } else { "the environment is dark" }
                 .into(),

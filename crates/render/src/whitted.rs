@@ -7,6 +7,7 @@
 use crate::{
     fresnel::{reflect, refract},
     image::Image,
+    occlusion::{Place, open_share},
     offset::offset_origin,
     plan::{Effect, EffectPlan, Planning},
     query::{Found, Passed, Query, beyond, shadow_ray},
@@ -67,6 +68,11 @@ pub struct WhittedSettings {
     pub max_rays: u32,
     /// Ambient light.
     pub ambient: AmbientLight,
+    /// Rays from each surface that find out how much of the ambient light the surfaces around it
+    /// hold back ([`AmbientOcclusion`](crate::AmbientOcclusion)); 0 for none.
+    pub occlusion_rays: u32,
+    /// How far these look, in units of the scene; not positive or NaN counts nothing, ∞ all.
+    pub occlusion_radius: f32,
     /// Perceptual roughness, 0 to 1, from which a surface is no mirror any more; up to half of it,
     /// it is a perfect one.
     pub mirror_roughness: f32,
@@ -76,7 +82,7 @@ pub struct WhittedSettings {
 
 impl Default for WhittedSettings {
     /// 512 × 512 pixels, one ray each, depth 8, cutoff 1/1000, 65,536 rays, half of the
-    /// environment as ambient light.
+    /// environment as ambient light, without occlusion.
     fn default() -> Self {
         Self {
             width: 512,
@@ -86,6 +92,8 @@ impl Default for WhittedSettings {
             cutoff: 1e-3,
             max_rays: 1 << 16,
             ambient: AmbientLight::Environment(0.5),
+            occlusion_rays: 0,
+            occlusion_radius: f32::INFINITY,
             mirror_roughness: SceneFacts::MIRROR_ROUGHNESS,
             planning: Planning::Scene,
         }
@@ -198,7 +206,12 @@ impl Whitted {
             for row in 0..grid {
                 for column in 0..grid {
                     let within = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * step;
-                    let radiance = stage.trace(view.ray(x, y, within), stats);
+                    let ray = view.ray(x, y, within);
+                    // Its own number for every ray of every pixel.
+                    let number = [(y, 1), (x, width), (row, grid), (column, grid)]
+                        .into_iter()
+                        .fold(0_u32, |n, (at, of)| n.wrapping_mul(of).wrapping_add(at));
+                    let radiance = stage.trace(ray, number, stats);
                     if radiance.is_finite() {
                         sum += radiance.as_dvec3();
                     } else {
@@ -236,9 +249,10 @@ impl Whitted {
 
 /// The effects of rendering a scene.
 fn plan(scene: &Scene, facts: &SceneFacts, settings: &WhittedSettings) -> EffectPlan {
-    const EFFECTS: [Effect; 8] = [
+    const EFFECTS: [Effect; 9] = [
         Effect::PunctualLight,
         Effect::Ambient,
+        Effect::Occlusion,
         Effect::Sky,
         Effect::Emission,
         Effect::Alpha,
@@ -252,6 +266,13 @@ fn plan(scene: &Scene, facts: &SceneFacts, settings: &WhittedSettings) -> Effect
         plan = plan.without(Effect::Ambient, "there is no ambient light");
     } else if matches!(settings.ambient, AmbientLight::Constant(_)) {
         plan = plan.with(Effect::Ambient, "the settings give a constant");
+    }
+    if settings.occlusion_rays == 0 {
+        plan = plan.without(Effect::Occlusion, "the settings ask for no rays");
+    } else if settings.occlusion_radius.is_nan() || settings.occlusion_radius <= 0.0 {
+        plan = plan.without(Effect::Occlusion, "the settings ask for no radius");
+    } else if !plan.runs(Effect::Ambient) {
+        plan = plan.without(Effect::Occlusion, "there is no ambient light to hold back");
     }
     if settings.max_depth == 0 {
         plan = plan.without(Effect::Reflection, "the depth is 0");
@@ -297,6 +318,7 @@ struct Stage<'a, I: Intersector + ?Sized> {
 struct Runs {
     punctual: bool,
     ambient: bool,
+    occlusion: bool,
     sky: bool,
     emission: bool,
     reflection: bool,
@@ -326,6 +348,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             runs: Runs {
                 punctual: plan.runs(Effect::PunctualLight),
                 ambient: plan.runs(Effect::Ambient),
+                occlusion: plan.runs(Effect::Occlusion),
                 sky: plan.runs(Effect::Sky),
                 emission: plan.runs(Effect::Emission),
                 reflection: plan.runs(Effect::Reflection),
@@ -336,8 +359,8 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         }
     }
 
-    /// The radiance that arrives along a camera ray.
-    fn trace(&self, ray: Ray, stats: &mut RenderStats) -> Vec3 {
+    /// The radiance that arrives along a camera ray; `number` is that of the ray.
+    fn trace(&self, ray: Ray, number: u32, stats: &mut RenderStats) -> Vec3 {
         let mut radiance = Vec3::ZERO;
         let mut add = |weight: Vec3, light: Vec3| {
             // What counts nothing may be infinite.
@@ -348,6 +371,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         let first = Task { ray, weight: Vec3::ONE, depth: 0, passed: Passed::default() };
         let mut waiting = vec![first];
         let mut counted = 0;
+        let mut place = Place { pixel: number, first: 0, seed: 0 };
         while let Some(task) = waiting.pop() {
             if task.weight != Vec3::ZERO {
                 if counted == self.settings.max_rays {
@@ -384,7 +408,8 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
             }
             let hit =
                 Lit { material: self.material(&surface), surface, to_viewer: -task.ray.direction };
-            add(weight, self.shade(&hit, stats));
+            add(weight, self.shade(&hit, place, stats));
+            place.first = place.first.wrapping_add(self.settings.occlusion_rays);
             if task.depth < self.settings.max_depth {
                 self.spawn(&hit, weight, task.depth + 1, &mut waiting, stats);
             }
@@ -420,7 +445,7 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
     }
 
     /// What a surface sends back along a ray, reflected and refracted rays aside.
-    fn shade(&self, hit: &Lit<'_>, stats: &mut RenderStats) -> Vec3 {
+    fn shade(&self, hit: &Lit<'_>, place: Place, stats: &mut RenderStats) -> Vec3 {
         let Lit { surface, material, to_viewer } = hit;
         let (normal, to_viewer) = (surface.normal, *to_viewer);
         let mut light = Vec3::ZERO;
@@ -429,7 +454,19 @@ impl<'a, I: Intersector + ?Sized> Stage<'a, I> {
         }
         if self.runs.ambient {
             let cosine = normal.dot(to_viewer).clamp(0.0, 1.0);
-            light += self.ambient.at(normal) * shading::ambient(material, cosine);
+            let mut ambient = self.ambient.at(normal) * shading::ambient(material, cosine);
+            if self.runs.occlusion && (ambient != Vec3::ZERO || self.runs.everything) {
+                let WhittedSettings { occlusion_rays, occlusion_radius, .. } = *self.settings;
+                ambient *= open_share(
+                    &self.query,
+                    surface,
+                    occlusion_rays,
+                    occlusion_radius,
+                    place,
+                    stats,
+                );
+            }
+            light += ambient;
         }
         if self.runs.punctual {
             let point = surface.point.as_vec3();

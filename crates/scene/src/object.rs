@@ -33,6 +33,23 @@ pub(crate) fn bounds_of(mesh: &TriangleMesh, triangles: Range<u32>) -> Aabb {
     Aabb::from_points(triangles.iter().flatten().map(|&i| positions[i as usize]))
 }
 
+/// The mean length of lines within an object, 4 V / S by Cauchy's formula. Of surfaces that are
+/// not closed, V is that of the cones between them and the middle of their bounds.
+fn mean_chord(mesh: &TriangleMesh, object: &Object) -> f64 {
+    let middle = 0.5 * (object.bounds.min.as_dvec3() + object.bounds.max.as_dvec3());
+    let mut volume = 0.0;
+    let mut surface = 0.0;
+    for i in object.triangles.start as usize..(object.triangles.end as usize).min(mesh.len()) {
+        let triangle = mesh.triangle(i);
+        let [a, b, c] =
+            [triangle.v0, triangle.v1, triangle.v2].map(|vertex| vertex.as_dvec3() - middle);
+        volume += a.dot(b.cross(c)) / 6.0;
+        surface += 0.5 * (b - a).cross(c - a).length();
+    }
+    // Whichever way the triangles are wound.
+    if surface > 0.0 { 4.0 * volume.abs() / surface } else { 0.0 }
+}
+
 impl Object {
     /// All of a mesh as one object that does not move.
     #[must_use]
@@ -61,10 +78,12 @@ impl Scene {
     /// Sets [`Material::thickness`] of every material from the objects that it covers, as loaders
     /// and generators do.
     ///
-    /// An object that does not move and is at least a quarter as long as the scene's diagonal is a
-    /// wall or a ground behind which nothing should be seen: 1. Any other is as deep as it is
-    /// long: the longest side of its bounds over the scene's diagonal. A material takes the
-    /// largest of its objects; one that transmits light is thin (§3.4 of the paper): 0.
+    /// An object that does not move and whose two longest sides are at least a quarter of the
+    /// scene's diagonal is a wall, a room or a ground behind which nothing should be seen: 1. Any
+    /// other is as deep as rays through it are long in the mean: four times its volume over its
+    /// surface (Cauchy's formula for the mean chord of a body), at most its longest side, over the
+    /// scene's diagonal; sheets hold no volume and are thin. A material takes the largest of its
+    /// objects; one that transmits light is thin (§3.4 of the paper): 0.
     pub fn derive_thickness(&mut self) {
         let objects = self.objects_or_whole().into_owned();
         let bounds = self.mesh.bounds();
@@ -72,9 +91,15 @@ impl Scene {
         let mut thickness = vec![None; self.materials.len()];
         for object in &objects {
             let size = object.bounds.max.as_dvec3() - object.bounds.min.as_dvec3();
-            let share = (size.max_element() / diagonal).clamp(0.0, 1.0);
+            // A long arch hides little, so the length of one side makes no wall.
+            let second_longest =
+                size.to_array().into_iter().fold([0.0; 2], |[a, b], side| {
+                    if side > a { [side, a] } else { [a, side.max(b)] }
+                })[1];
+            let is_wall = !object.dynamic && second_longest >= 0.25 * diagonal;
+            let chord = mean_chord(&self.mesh, object).min(size.max_element());
             #[expect(clippy::cast_possible_truncation, reason = "a share of one in f32 is enough")]
-            let deep = if !object.dynamic && share >= 0.25 { 1.0 } else { share as f32 };
+            let deep = if is_wall { 1.0 } else { (chord / diagonal).clamp(0.0, 1.0) as f32 };
             if deep.is_nan() {
                 continue;
             }

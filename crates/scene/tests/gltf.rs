@@ -205,7 +205,6 @@ fn every_instance_is_an_object_with_bounds_of_its_own() {
     let from: Vec<f32> = scene.objects.iter().map(|o| o.bounds.min.x).collect();
     assert_eq!(from, [0.0, 5.0]);
     assert!(scene.objects.iter().all(|o| !o.dynamic) && scene.animation.is_none());
-    // Each is a sixth of the scene long, or nearly: neither wall nor ground.
-    let thickness = scene.material(0).thickness;
-    assert!((thickness - 1.0 / 37.0_f32.sqrt()).abs() < 1e-5, "{thickness}");
+    // Each is a sheet, a sixth of the scene long: neither wall nor ground, and without depth.
+    assert_eq!(scene.material(0).thickness, 0.0);
 }

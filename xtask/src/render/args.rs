@@ -68,6 +68,16 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "SHARE")]
     pub(crate) region: Option<f32>,
 
+    /// Rays from each surface that look for what holds ambient light back, at most 1024, for hybrid,
+    /// full-bvh and whitted
+    #[arg(long, value_name = "NUMBER", default_value_t = 0,
+          value_parser = clap::value_parser!(u32).range(0..=1024))]
+    pub(crate) occlusion: u32,
+
+    /// How far these rays look, as a share of the diagonal of the scene
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    pub(crate) occlusion_radius: f32,
+
     /// Light from all around, instead of what the scene says: daylight, dark, or a radiance such as 0.5
     #[arg(long, value_name = "SKY")]
     pub(crate) sky: Option<Sky>,
@@ -182,6 +192,8 @@ pub(crate) enum View {
     Normals,
     /// Pixels and cells of the map that marches looked at
     Steps,
+    /// The share of ambient light that arrives at surfaces; see --occlusion
+    Occlusion,
 }
 
 /// What pictures are saved as.

@@ -43,7 +43,14 @@ impl OnCpu {
         } else {
             let settings =
                 WhittedSettings { width, height, max_depth, ..WhittedSettings::default() };
-            Integrator::Whitted(Whitted::new(WhittedSettings { grid: args.grid, ..settings }))
+            let bounds = scene.mesh.bounds();
+            let diagonal = if bounds.is_empty() { 0.0 } else { bounds.extent().length() };
+            Integrator::Whitted(Whitted::new(WhittedSettings {
+                grid: args.grid,
+                occlusion_rays: args.occlusion,
+                occlusion_radius: args.occlusion_radius * diagonal,
+                ..settings
+            }))
         };
         let facts = SceneFacts::new(scene, SceneFacts::MIRROR_ROUGHNESS);
         Self { scene: Arc::clone(scene), builder, facts, kept: None, integrator, frame: 0 }
@@ -99,6 +106,7 @@ fn counts(stats: &RenderStats) -> Vec<super::Count> {
     counted([
         ("closest-hit rays", stats.closest_hit_rays),
         ("shadow rays", stats.shadow_rays),
+        ("occlusion rays", stats.occlusion_rays),
         ("reflected rays", stats.reflected_rays),
         ("refracted rays", stats.refracted_rays),
         ("rays past alpha", stats.continued_rays),

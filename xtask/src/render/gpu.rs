@@ -69,9 +69,17 @@ pub(super) fn settings(args: &RenderArgs) -> Settings {
         View::Hits => DebugView::HitSource,
         View::Normals => DebugView::Normal,
         View::Steps => DebugView::MarchSteps,
+        View::Occlusion => DebugView::Occlusion,
     };
     let max_depth = args.depth.unwrap_or(preset.max_depth);
-    Settings { near_region, debug_view, max_depth, ..preset }
+    Settings {
+        near_region,
+        debug_view,
+        max_depth,
+        occlusion_rays: args.occlusion,
+        occlusion_radius: args.occlusion_radius,
+        ..preset
+    }
 }
 
 impl Draw for OnGpu {
@@ -107,7 +115,7 @@ pub(super) fn parts(report: &FrameReport) -> Vec<Part> {
 }
 
 /// What a frame counted, by name.
-pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 19] {
+pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 20] {
     let counters = &report.counters;
     [
         ("triangles in the tree", report.region_triangles.into()),
@@ -126,6 +134,7 @@ pub(super) fn counted_rays(report: &FrameReport) -> [(&'static str, u64); 19] {
         ("ended in the tree", counters.tree_hits),
         ("ended in the map", counters.map_hits),
         ("on its second layer", counters.second_layer_hits),
+        ("occlusion rays", counters.occlusion_rays),
         ("ended in the sky", counters.sky_misses),
         ("ended behind a surface", counters.behind_misses),
         ("rays left out", counters.cut_rays),

@@ -80,11 +80,13 @@ impl Frame<'_> {
             passes.push(PlannedPass { effect, decision, reason });
         }
         let region_holds_all = self.holds_all();
+        let layers = self.layers();
         let mut plan = EffectPlan {
             passes,
             region: self.region,
             visible: self.visible,
             in_faces: self.in_faces,
+            layers,
             in_region: self.in_region,
             region_holds_all,
             kept: Kept::default(),
@@ -120,6 +122,7 @@ impl Frame<'_> {
             Effect::ReflectionRays | Effect::RefractionRays => {
                 Quality::Depth(self.settings.max_depth)
             }
+            Effect::OcclusionRays => Quality::Rays(self.settings.occlusion_rays),
             Effect::Alpha | Effect::ShadowRays | Effect::TransparencyRays | Effect::Sky => {
                 Quality::Full
             }
@@ -143,16 +146,22 @@ impl Frame<'_> {
             },
             Effect::ShadowMaps => self.shadow_maps(),
             Effect::CubeFace(face) => self.face(face),
-            Effect::SecondLayer if self.settings.layers < 2 => {
-                skip("the settings ask for one layer")
+            Effect::SecondLayer if self.settings.layers >= 2 => {
+                self.of_faces(effect, "rays may pass behind what they show")
             }
-            Effect::SecondLayer => self.of_faces(effect, "rays may pass behind what they show"),
+            Effect::SecondLayer if self.layers() < 2 => {
+                skip("the settings ask for one layer, and the map shows nothing to look through")
+            }
+            Effect::SecondLayer => {
+                self.of_faces(effect, "glass, blended or cut-out surfaces hide something")
+            }
             Effect::DepthPyramid if !self.settings.march.needs_pyramid() => {
                 skip("the settings march without it")
             }
             Effect::DepthPyramid => self.of_faces(effect, "rays may cross them"),
             Effect::NearRegion => self.near_region(),
             Effect::ShadowRays => self.shadow_rays(),
+            Effect::OcclusionRays => self.occlusion_rays(),
             Effect::ReflectionRays | Effect::RefractionRays => self.secondary(effect),
             Effect::TransparencyRays => self.transparency(),
             Effect::Sky => {
@@ -230,6 +239,13 @@ impl Frame<'_> {
         self.region.holds(self.bounds)
     }
 
+    /// Layers of the cube map.
+    fn layers(&self) -> u32 {
+        let clear = |i: &u32| self.facts.objects[*i as usize].is_clear();
+        let seen = self.settings.look_through && self.in_faces.iter().flatten().any(clear);
+        if seen { 2 } else { self.settings.layers }
+    }
+
     fn face(&self, face: Face) -> Ruling {
         if !self.follows_rays() {
             return skip("no ray would enter it");
@@ -243,7 +259,10 @@ impl Frame<'_> {
             });
         }
         let last = self.facts.kept.and_then(|k| k.faces[face.index()]);
-        if last == Some((self.region, self.settings.face_resolution)) {
+        let layers = self.facts.kept.map(|k| k.layers);
+        if last == Some((self.region, self.settings.face_resolution))
+            && layers == Some(self.layers())
+        {
             let touched = |i: usize| {
                 let object = &self.facts.objects[i];
                 object.moved_from.is_some_and(|from| {
@@ -302,6 +321,35 @@ impl Frame<'_> {
         }
     }
 
+    fn traces_occlusion(&self) -> bool {
+        matches!(self.occlusion_rays().0, Decision::Run { .. })
+    }
+
+    fn occlusion_rays(&self) -> Ruling {
+        if self.settings.occlusion_rays == 0 {
+            return skip("the settings ask for none");
+        }
+        if self.settings.occlusion_radius <= 0.0 {
+            return skip("the settings give them no length");
+        }
+        if !self.facts.scene.lights.environment || self.settings.ambient <= 0.0 {
+            return skip("there is no ambient light to hold back");
+        }
+        if !self.facts.objects.iter().any(|o| o.lit) {
+            return skip("no surface scatters ambient light");
+        }
+        if self.visible.is_empty() {
+            return skip("the camera sees no object");
+        }
+        if self.in_region.is_empty() {
+            return skip("nothing lies in the near region");
+        }
+        run(
+            self.quality(Effect::OcclusionRays),
+            "surfaces in the near region scatter ambient light",
+        )
+    }
+
     /// Why no shadow matters, if none does.
     fn without_shadows(&self) -> Option<&'static str> {
         if self.facts.scene.lights.punctual() == 0 {
@@ -344,7 +392,7 @@ impl Frame<'_> {
     }
 
     fn near_region(&self) -> Ruling {
-        if !self.follows_rays() && !self.traces_shadows() {
+        if !self.follows_rays() && !self.traces_shadows() && !self.traces_occlusion() {
             return skip("no ray would be traced in it");
         }
         if self.in_region.is_empty() {
@@ -384,8 +432,12 @@ fn remaining(plan: &EffectPlan, settings: &Settings, moved: bool, before: Option
     for face in Face::ALL {
         if plan.uses(Effect::CubeFace(face)) {
             kept.faces[face.index()] = Some((plan.region, settings.face_resolution));
+        } else if kept.layers != plan.layers {
+            // Another number of layers is another map.
+            kept.faces[face.index()] = None;
         }
     }
+    kept.layers = plan.layers;
     match plan.decision(Effect::NearRegion) {
         Decision::Run { .. } => {
             kept.tree = Some(plan.region);

@@ -71,6 +71,13 @@ impl ObjectFacts {
         objects.iter().map(of).collect()
     }
 
+    /// True if light passes some of it or it has holes, so that rays see what it hides from the
+    /// centre of the cube map.
+    #[must_use]
+    pub const fn is_clear(&self) -> bool {
+        self.transmissive || self.alpha
+    }
+
     /// True if rays go on from it.
     #[must_use]
     pub const fn is_specular(&self) -> bool {

@@ -5,7 +5,7 @@ use super::{
     HybridRenderer, Scenery,
     record::{Raster, Recorder, Views},
 };
-use crate::{Effect, Face, HybridError, pipelines::Target, report::Stage};
+use crate::{Effect, Face, HybridError, ObjectFacts, pipelines::Target, report::Stage};
 use niwaki_core::to_u32;
 
 impl HybridRenderer {
@@ -103,7 +103,12 @@ impl HybridRenderer {
         first: Option<&wgpu::BindGroup>,
     ) -> u32 {
         let target = if first.is_some() { 6 + face } else { face };
-        let shown = scenery.plan.in_faces[face].iter().copied();
+        let in_face = &scenery.plan.in_faces[face];
+        let clear = |i: &u32| scenery.objects.get(*i as usize).is_some_and(ObjectFacts::is_clear);
+        // Where nothing is seen through, a layer that holds nothing else stays empty.
+        let is_empty =
+            first.is_some() && scenery.variant.through_only && !in_face.iter().any(clear);
+        let shown = in_face.iter().copied().filter(|_| !is_empty);
         let raster = Raster {
             pipeline,
             colors: &[&self.cube.surface.each[target]],

@@ -188,6 +188,8 @@ pub(crate) fn whitted(scene: &Scene, settings: &Settings) -> Image {
         height: SIZE[1],
         max_depth: settings.max_depth,
         cutoff: settings.throughput_cutoff,
+        occlusion_rays: settings.occlusion_rays,
+        occlusion_radius: settings.occlusion_radius * scene.mesh.bounds().extent().length(),
         ..WhittedSettings::default()
     };
     Whitted::new(whitted).render(scene, &WideScene::new(&tree, &scene.mesh).unwrap())

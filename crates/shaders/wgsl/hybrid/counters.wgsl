@@ -21,6 +21,7 @@ const C_BEHIND = 14u;
 const C_CUT = 15u;
 const C_CELLS = 16u;
 const C_SECOND = 17u;
+const C_OCCLUSION = 18u;
 
 fn count(which: u32, n: u32) {
     if n == 0u {

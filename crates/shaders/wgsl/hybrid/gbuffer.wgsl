@@ -50,11 +50,15 @@ fn winding_normal(triangle: u32) -> vec3f {
     return normalize(n / largest);
 }
 
-fn pixel(in: Varying, triangle: u32) -> vec4u {
+// In faces, what is blended has its opacity in eight bits, metallic in three and roughness in five:
+// nothing else says there where on its texture it was met.
+fn pixel(in: Varying, triangle: u32, is_face: bool) -> vec4u {
     let id = material_ids[triangle];
     let m = materials[id];
-    if ALPHA {
-        if m.alpha_mode != 0u && opacity(m, in.uv) <= 0.0 {
+    var share = 1.0;
+    if ALPHA && m.alpha_mode != 0u {
+        share = opacity(m, in.uv);
+        if share <= 0.0 {
             discard;
         }
     }
@@ -73,10 +77,15 @@ fn pixel(in: Varying, triangle: u32) -> vec4u {
     let metallic = clamp(m.metallic * surface.z, 0.0, 1.0);
     let roughness = clamp(m.roughness * surface.y, 0.0, 1.0);
     let glow = max(m.emission * sample_texture(m.emission_texture, in.uv).xyz, vec3f(0.0));
+    var made = (u32(metallic * 63.0 + 0.5) << 10u) | u32(roughness * 1023.0 + 0.5);
+    if ALPHA && is_face && m.alpha_mode == ALPHA_BLEND {
+        made = (u32(share * 255.0 + 0.5) << 8u) | (u32(metallic * 7.0 + 0.5) << 5u)
+            | u32(roughness * 31.0 + 0.5);
+    }
     return vec4u(
         pack_normal(n),
         pack_color(color),
-        (id << 16u) | (u32(metallic * 63.0 + 0.5) << 10u) | u32(roughness * 1023.0 + 0.5),
+        (id << 16u) | made,
         pack_radiance(glow),
     );
 }
@@ -90,20 +99,24 @@ struct Primary {
 @fragment
 fn primary_main(in: Varying, @builtin(primitive_index) primitive: u32) -> Primary {
     let triangle = in.first + primitive;
-    return Primary(pixel(in, triangle), triangle + 1u);
+    return Primary(pixel(in, triangle, false), triangle + 1u);
 }
 
 @fragment
 fn face_main(in: Varying, @builtin(primitive_index) primitive: u32) -> @location(0) vec4u {
-    return pixel(in, in.first + primitive);
+    return pixel(in, in.first + primitive, true);
 }
 
 // The first layer of the face, while the second is drawn.
 @group(2) @binding(0) var first_depth: texture_depth_2d;
 @group(2) @binding(1) var first_surface: texture_2d<u32>;
 
+// The second layer holds what lies behind surfaces with holes or that light passes, and nothing else.
+override THROUGH_ONLY: bool = false;
+
 // What comes next behind the first layer, its thickness included: what lies within that no ray
-// reaches. A bit more, so that surfaces that touch the first do not fill the layer.
+// reaches. A bit more, so that surfaces that touch the first do not fill the layer. Behind what rays
+// look through it is the next that they do not look through.
 @fragment
 fn second_main(in: Varying, @builtin(primitive_index) primitive: u32) -> @location(0) vec4u {
     let at = vec2u(in.clip.xy);
@@ -112,7 +125,15 @@ fn second_main(in: Varying, @builtin(primitive_index) primitive: u32) -> @locati
     if !(less_doubt(linear_depth(in.clip.z)) > back) {
         discard;
     }
-    return pixel(in, in.first + primitive);
+    let first_flags = materials[id].flags;
+    if THROUGH_ONLY && (first_flags & (SEE_THROUGH | CUT_OUT)) == 0u {
+        discard;
+    }
+    let triangle = in.first + primitive;
+    if (first_flags & materials[material_ids[triangle]].flags & SEE_THROUGH) != 0u {
+        discard;
+    }
+    return pixel(in, triangle, true);
 }
 
 // Depth alone, for shadow maps.

@@ -63,17 +63,31 @@ fn march_linear(line: Line, delta: vec3f, ray: vec3f, result: MarchResult) -> Ma
     for (var layer = 0u; layer < LAYERS; layer++) {
         let before = look(line, 0.0, layer);
         in_front[layer] = before.gap <= before.pixel_size;
+        if layer == 0u && looking_through
+            && (clear_flags(line.face, before.pixel) & SEE_THROUGH) != 0u {
+            in_front[layer] = true;
+        }
     }
     for (var k = 1u; k <= n; k++) {
         var nearest = Meeting();
         for (var layer = 0u; layer < LAYERS; layer++) {
-            let m = meet(line, layer, f32(k) * step, step, in_front[layer], ray);
+            var m = meet(line, layer, f32(k) * step, step, in_front[layer], ray);
             r.samples += m.samples;
+            var is_last = layer + 1u == LAYERS;
+            if layer == 0u {
+                let clear_ = clear_flags(line.face, m.found.pixel);
+                if looking_through && (clear_ & SEE_THROUGH) != 0u {
+                    m.is_hit = false;
+                    m.behind = false;
+                    m.in_front = true;
+                }
+                is_last = is_last || (THROUGH_ONLY && clear_ == 0u);
+            }
             if m.is_hit && (!nearest.is_hit || m.at < nearest.at) {
                 nearest = m;
                 r.layer = layer;
             }
-            if layer + 1u == LAYERS && !m.is_hit && m.behind {
+            if is_last && !m.is_hit && m.behind {
                 // The last layer hides what is here.
                 nearest.behind = true;
             }

@@ -1,5 +1,5 @@
 //!import hybrid/depth
-//!import hybrid/shadows
+//!import hybrid/light
 // The cube map: its faces, its layers, and what rays find there.
 
 @group(1) @binding(5) var face_depth: texture_depth_2d_array;
@@ -11,6 +11,14 @@ override USE_MAP: bool = true;
 override GO_ON: bool = true;
 // Layers of the map; layer k of a face is array layer 6 k + face.
 override LAYERS: u32 = 1u;
+// Rays look through surfaces of the map that light passes, glass and what is blended, to what the
+// second layer has behind them.
+override LOOK_THROUGH: bool = true;
+// The second layer has nothing else.
+override THROUGH_ONLY: bool = false;
+
+// The ray at hand has met such a surface: others of them do not hold it up.
+var<private> looking_through: bool;
 
 const MAP_HIT = 0u;
 const MAP_FAR = 1u;
@@ -66,6 +74,15 @@ fn pixel_at(ndc: vec2f) -> vec2u {
 fn thickness_of(array_layer: u32, pixel: vec2u) -> f32 {
     let id = textureLoad(face_surface, pixel, array_layer, 0).z >> 16u;
     return materials[id].thickness;
+}
+
+// What rays may do at a surface of the first layer: SEE_THROUGH, CUT_OUT.
+fn clear_flags(face: u32, pixel: vec2u) -> u32 {
+    if !LOOK_THROUGH {
+        return 0u;
+    }
+    let id = textureLoad(face_surface, pixel, face, 0).z >> 16u;
+    return materials[id].flags & (SEE_THROUGH | CUT_OUT);
 }
 
 // A line in a face between two points in device coordinates, and 1/w at both.
@@ -144,6 +161,13 @@ fn map_surface(face: u32, hit: MarchResult, o: vec3f, d: vec3f) -> Surface {
     let n = unpack_normal(pixel.x);
     orient(&s, n, n, d);
     s.opacity = 1.0;
+    if ALPHA && materials[s.material].alpha_mode == ALPHA_BLEND {
+        s.roughness = f32(pixel.z & 31u) / 31.0;
+        s.metallic = f32((pixel.z >> 5u) & 7u) / 7.0;
+        if LOOK_THROUGH {
+            s.opacity = f32((pixel.z >> 8u) & 255u) / 255.0;
+        }
+    }
     s.distance = distance(s.point, o);
     return s;
 }

@@ -1,4 +1,4 @@
-//!import hybrid/shadows
+//!import hybrid/light
 //!import hybrid/counters
 // Shading of what the camera sees, and the list of pixels whose surfaces send rays on (Ganestam and
 // Doggett 2014, section 3, step 4).
@@ -11,7 +11,7 @@
 
 // Rays are followed beyond the primary view.
 override FOLLOW: bool = true;
-// 1: where rays end, 2: normals, 3: march steps.
+// 1: where rays end, 2: normals, 3: march steps, 4: ambient occlusion.
 override DEBUG_VIEW: u32 = 0u;
 
 // The surface that a pixel of the primary view shows. The G-buffer has what it is made of; its
@@ -81,12 +81,24 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
     let d = primary_direction(id.x, id.y);
     if triangle == 0u {
         image[at] = vec4f(environment(d), 0.0);
-        if DEBUG_VIEW != 0u {
+        if DEBUG_VIEW == 4u {
+            image[at] = vec4f(1.0);
+        } else if DEBUG_VIEW != 0u {
             image[at] = vec4f(0.0);
         }
         return;
     }
     let s = primary_point(id.x, id.y, triangle - 1u);
+    occlusion_pixel = at;
+    if DEBUG_VIEW == 4u {
+        image[at] = vec4f(vec3f(1.0), 1.0);
+        if OCCLUSION {
+            image[at] = vec4f(vec3f(open_surroundings(s)), 1.0);
+        }
+        count(C_PRIMARY, 1u);
+        count(C_OCCLUSION, occlusion_count);
+        return;
+    }
     image[at] = vec4f(absorbed(s) * s.opacity * shade(s, d), 1.0);
     if DEBUG_VIEW == 1u {
         image[at] = vec4f(vec3f(0.25), 1.0);
@@ -97,6 +109,7 @@ fn primary(@builtin(global_invocation_id) id: vec3u) {
     }
     count(C_PRIMARY, 1u);
     count(C_SHADOW, shadow_rays);
+    count(C_OCCLUSION, occlusion_count);
     if FOLLOW && DEBUG_VIEW != 2u && sends_rays(s, d) {
         count(C_SPAWNING, 1u);
         pixels[1u + atomicAdd(&pixels[0], 1u)] = at;

@@ -32,9 +32,10 @@ struct Frame {
     max_rays: u32,
     // The highest level of the depth pyramid that marches read; 0 without one.
     top_level: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    // Rays from each surface that look for what holds ambient light back, and how far they look.
+    occlusion_rays: u32,
+    occlusion_radius: f32,
+    pad: u32,
     // Relative to the centre: world to clip space of each face.
     faces: array<mat4x4f, 6>,
     // From clip space of face i to that of its neighbour beyond side k: 4 i + k.
@@ -77,6 +78,10 @@ const ALPHA_MASK = 1u;
 const ALPHA_BLEND = 2u;
 const RAYS_REFLECT = 1u;
 const RAYS_REFRACT = 2u;
+// Light passes it, and rays look through it in the cube map.
+const SEE_THROUGH = 8u;
+// It has holes, beside which rays see what it hides from the centre of the map.
+const CUT_OUT = 16u;
 // The whole material is smooth enough for its coat to be a mirror.
 const POLISHED = 4u;
 

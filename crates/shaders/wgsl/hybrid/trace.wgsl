@@ -19,8 +19,8 @@ struct Pending {
     // Length that it came before surfaces that it passed by their alpha.
     passed: f32,
     weight: vec3f,
-    // It goes straight to the sky: behind thin glass in the map.
-    is_thin: bool,
+    // It has passed a surface of the map that light passes.
+    is_through: bool,
 }
 
 const END_SKY = 0u;
@@ -171,13 +171,20 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     var depth = 0u;
     var passed = 0.0;
     var is_map = false;
+    // The first surface has drawn its directions.
+    occlusion_pixel = at;
+    occlusion_first = frame.occlusion_rays;
+    if LOOK_THROUGH && USE_MAP && !HOLDS_ALL {
+        // Only the map knows what lies behind.
+        is_map = !in_cube(s.point, frame.half_size);
+    }
     loop {
         // Here: a surface `s` met along `d` by a ray of this weight.
         if s.opacity < 1.0 {
             let rest = weight * (1.0 - s.opacity);
             if counts(rest) {
                 let origin = s.point - s.geometric * s.clearance;
-                stack[size] = Pending(origin, depth, d, passed + s.distance, rest, false);
+                stack[size] = Pending(origin, depth, d, passed + s.distance, rest, is_map);
                 size++;
                 n_continued++;
             }
@@ -198,9 +205,9 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
                 }
                 if any(bent != vec3f(0.0)) && counts(w) {
                     let origin = s.point - s.geometric * s.clearance;
-                    // In the map glass is thin: nothing is known of its other side, so the ray
-                    // goes on as it came, to the sky.
-                    let direction = select(bent, d, is_map);
+                    // In the map glass is thin: nothing is known of its other side. Looked through, it
+                    // does not bend, as thin walls of glass do not.
+                    let direction = select(bent, d, is_map && LOOK_THROUGH);
                     stack[size] = Pending(origin, depth + 1u, direction, 0.0, w, is_map);
                     size++;
                     n_refracted++;
@@ -233,7 +240,9 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
             taken++;
             d = ray.direction;
             var end = END_SKY;
-            if !ray.is_thin {
+            // As the paper has it, what has passed glass in the map goes to the sky.
+            if LOOK_THROUGH || !ray.is_through {
+                looking_through = ray.is_through;
                 end = follow(ray.origin, d, &s);
             }
             if first_end == 99u {
@@ -273,6 +282,7 @@ fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     count(C_REFRACTED, n_refracted);
     count(C_CONTINUED, n_continued);
     count(C_SHADOW, shadow_rays);
+    count(C_OCCLUSION, occlusion_count);
     count(C_TREE, n_tree);
     count(C_FACES, n_faces);
     count(C_SAMPLES, n_samples);

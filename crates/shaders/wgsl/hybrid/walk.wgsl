@@ -53,7 +53,11 @@ fn walk(line: Line, ray: vec3f, result: MarchResult) -> MarchResult {
     var at = clamp(vec2i(floor(a)), vec2i(0), vec2i(size - 1));
     var stretch = Stretch(0.0, 0.0, line_depth(line, 0.0), 0.0);
     var level = min(START_LEVEL, frame.top_level);
-    let start = look(line, 0.0, LAYERS - 1u);
+    var last_layer = LAYERS - 1u;
+    if THROUGH_ONLY && clear_flags(line.face, pixel_at(line.a)) == 0u {
+        last_layer = 0u;
+    }
+    let start = look(line, 0.0, last_layer);
     r.samples++;
     var cells = 0u;
     // In front of the last layer.
@@ -85,6 +89,14 @@ fn walk(line: Line, ray: vec3f, result: MarchResult) -> MarchResult {
                     in_front = true;
                     break;
                 }
+                var is_last = layer + 1u == LAYERS;
+                if layer == 0u {
+                    let clear_ = clear_flags(line.face, pixel);
+                    if looking_through && (clear_ & SEE_THROUGH) != 0u {
+                        continue;
+                    }
+                    is_last = is_last || (THROUGH_ONLY && clear_ == 0u);
+                }
                 let back = depth + thickness_of(array_layer, pixel);
                 let s = first_within(line, stretch, depth, back);
                 var is_hit = false;
@@ -98,11 +110,14 @@ fn walk(line: Line, ray: vec3f, result: MarchResult) -> MarchResult {
                         r.layer = layer;
                     }
                 }
-                if layer + 1u == LAYERS && !is_hit {
+                if is_last && !is_hit {
                     if in_front && less_doubt(stretch.w_in) > depth {
                         r.behind = true;
                     }
                     in_front = stretch.w_out * (1.0 - pixel_slope()) <= depth;
+                }
+                if is_last {
+                    break;
                 }
             }
             if nearest <= 1.0 {
@@ -162,13 +177,14 @@ fn may_meet(
         let range = textureLoad(pyramid, cell, face + 6u * layer, level - 1u).xy;
         *cells = *cells + 1u;
         if farthest < range.x {
-            *in_front = true;
+            // A second layer of what is seen through says nothing of other pixels.
+            *in_front = *in_front || layer == 0u || !THROUGH_ONLY;
             return false;
         }
         if less_doubt(nearest) <= range.y {
             return true;
         }
-        if layer + 1u == LAYERS && *in_front && !was_behind {
+        if (layer + 1u == LAYERS || THROUGH_ONLY) && *in_front && !was_behind {
             return true;
         }
     }

@@ -174,6 +174,10 @@ fn caption(family: &str) -> String {
         "behind" => {
             "<code>behind</code>: what becomes of rays that pass behind the map's surfaces."
         }
+        "look" => {
+            "<code>look</code>: whether rays look through glass, blended and cut-out surfaces of \
+             the map, to a second layer behind them."
+        }
         "depth" => "<code>depth</code>: most reflections and refractions.",
         "shadows" => "<code>shadows</code>: by shadow maps, or by rays within the region.",
         other => return format!("<code>{}</code>.", escape(other)),
