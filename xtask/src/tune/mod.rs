@@ -202,7 +202,7 @@ fn tour(
         fly(&mut plant, &stage, &ladder, &mut pilots, target_ms)?;
     let ranks = rank(args, &mut plant, &stage, &ladder, &model)?;
     progress.step();
-    let turn = args.turn.then(|| stage.cameras.len() / 2);
+    let turn = if args.turn { Some(stage.cameras.len() / 2) } else { None };
     Ok(Tour {
         scene: spec.name.clone(),
         triangles: stage.scene.mesh.len(),
