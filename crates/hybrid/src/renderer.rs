@@ -89,7 +89,7 @@ impl HybridRenderer {
         Ok(Self {
             gpu: gpu.clone(),
             uploaded: GpuScene::new(gpu, &scene, &settings)?,
-            pipelines: gpu.pipelines()?,
+            pipelines: gpu.shared(Pipelines::new)?,
             screen: None,
             cube: CubeMap::new(gpu, 1, 1)?,
             pyramid: Pyramid::new(gpu, 1, 1)?,
