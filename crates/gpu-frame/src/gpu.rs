@@ -427,6 +427,46 @@ impl Gpu {
         })
     }
 
+    /// Copies the first layer and level of a texture to the CPU, rows from the top and without
+    /// gaps, and waits for it. A pixel of the copied aspect must have the size of `T`.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`] and [`Gpu::wait`].
+    pub fn read_texture<T: bytemuck::Pod>(
+        &self,
+        texture: &wgpu::Texture,
+        aspect: wgpu::TextureAspect,
+    ) -> Result<Vec<T>, FrameError> {
+        let (width, height) = (texture.width(), texture.height());
+        let row = width as usize * size_of::<T>();
+        let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
+        let bytes = padded * height as usize;
+        let buffer =
+            self.buffer("copy of a texture", bytes as u64, wgpu::BufferUsages::COPY_SRC)?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d::ZERO,
+                aspect,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(niwaki_core::to_u32(padded)),
+                    rows_per_image: Some(height),
+                },
+            },
+            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        );
+        self.queue.submit([encoder.finish()]);
+        let all: Vec<u8> = self.read(&buffer, bytes)?;
+        let rows = all.chunks_exact(padded.max(1)).flat_map(|r| r.split_at(row).0);
+        Ok(bytemuck::pod_collect_to_vec(&rows.copied().collect::<Vec<u8>>()))
+    }
+
     /// Copies a buffer to the CPU and waits for it.
     ///
     /// # Errors

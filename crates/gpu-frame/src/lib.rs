@@ -48,5 +48,5 @@ pub use raster::{DEPTH, RasterPipeline, SURFACE, TRIANGLE, depth_state, opaque};
 pub use recorder::{Recorder, Timed};
 pub use slot::Slot;
 pub use surfaces::Surfaces;
-pub use views::{camera_view, clip_matrix, may_show, spot_view};
+pub use views::{camera_view, check_camera, clip_matrix, may_show, spot_view};
 pub use wgpu;

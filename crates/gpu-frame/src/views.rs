@@ -1,6 +1,6 @@
 //! Matrices of what is rasterised: the camera's view and a spot light's.
 
-use crate::ViewMatrix;
+use crate::{FrameError, ViewMatrix};
 use glam::{Mat4, Vec3, Vec4};
 use niwaki_core::Aabb;
 use niwaki_scene::{Camera, LightFacts};
@@ -65,6 +65,25 @@ pub fn may_show(view: &ViewMatrix, bounds: Aabb) -> bool {
         || outside(|c| c.w + c.y)
         || outside(|c| c.w - c.y)
         || outside(|c| c.w))
+}
+
+/// Refuses cameras that no ray can be made from.
+///
+/// # Errors
+/// [`FrameError::BadCamera`].
+pub fn check_camera(camera: &Camera) -> Result<(), FrameError> {
+    let finite = camera.position.is_finite() && camera.forward.is_finite() && camera.up.is_finite();
+    let fov = camera.vertical_fov;
+    if !(finite && fov > 0.0 && fov < std::f32::consts::PI) {
+        return Err(FrameError::BadCamera(format!("{camera:?}")));
+    }
+    let lengths = [camera.forward.length(), camera.up.length(), camera.right().length()];
+    if lengths.iter().any(|l| (l - 1.0).abs() > 0.01) {
+        return Err(FrameError::BadCamera(format!(
+            "its directions are not of unit length or not perpendicular: {camera:?}"
+        )));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

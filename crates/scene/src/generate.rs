@@ -23,10 +23,11 @@ mod random;
 mod rooms;
 mod shade;
 mod stadium;
+mod study;
 
 use crate::Scene;
 
-/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`].
+/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`], then [`STUDIES`].
 pub const NAMES: &[&str] = &[
     "dragon",
     "hair",
@@ -40,6 +41,8 @@ pub const NAMES: &[&str] = &[
     "courtyard",
     "plain",
     "one_mirror",
+    "serpents",
+    "tessellated",
 ];
 
 /// Scenes that differ in how their triangles lie, for comparing builders. Nothing moves, and there
@@ -48,7 +51,11 @@ pub const SHAPES: &[&str] = NAMES.split_at(7).0;
 
 /// Scenes that differ in which effects they call for, for renderers: with shading normals, moving
 /// objects and a camera path of 200 frames.
-pub const EFFECTS: &[&str] = NAMES.split_at(7).1;
+pub const EFFECTS: &[&str] = NAMES.split_at(7).1.split_at(5).0;
+
+/// The scenes of the raster case studies: with shading normals and a camera path of 200 frames, and
+/// nothing moves, reflects or refracts.
+pub const STUDIES: &[&str] = NAMES.split_at(12).1;
 
 /// What a scene holds, in a line for a help text; `None` for an unknown name.
 #[must_use]
@@ -66,6 +73,8 @@ pub fn describe(name: &str) -> Option<&'static str> {
         "courtyard" => "a court with laid tables: glassware, wine, water",
         "plain" => "a room in which nothing reflects",
         "one_mirror" => "the plain room with one small mirror",
+        "serpents" => "the atrium with five dragons (724,337 triangles in the paper)",
+        "tessellated" => "hills with balls, rings and a knot (396,000 triangles in the paper)",
         _ => return None,
     })
 }
@@ -92,6 +101,8 @@ pub fn generate(name: &str, triangles: usize, seed: u64) -> Option<Scene> {
         "courtyard" => courtyard::plan(triangles, seed),
         "plain" => rooms::plan(triangles, seed, false),
         "one_mirror" => rooms::plan(triangles, seed, true),
+        "serpents" => study::serpents(triangles, seed),
+        "tessellated" => study::tessellated(triangles, seed),
         _ => return None,
     };
     Some(plan.into_scene(name))

@@ -3,7 +3,7 @@
 use niwaki_core::glam::Vec3;
 use niwaki_scene::{
     Scene, automatic_camera, automatic_path,
-    generate::{EFFECTS, NAMES, SHAPES, describe, generate},
+    generate::{EFFECTS, NAMES, SHAPES, STUDIES, describe, generate},
 };
 
 fn make(name: &str, triangles: usize, seed: u64) -> Scene {
@@ -81,7 +81,7 @@ fn an_interior_is_seen_from_inside_and_an_object_from_outside() {
 
 #[test]
 fn every_scene_is_described() {
-    assert_eq!([SHAPES, EFFECTS].concat(), NAMES);
+    assert_eq!([SHAPES, EFFECTS, STUDIES].concat(), NAMES);
     assert!(NAMES.iter().all(|name| describe(name).is_some_and(|text| !text.is_empty())));
     assert!(describe("castle").is_none());
 }
@@ -101,6 +101,13 @@ fn scenes_for_renderers_have_unit_normals_and_a_path_and_move() {
             assert!(first.forward.dot(camera.forward) > 0.999, "{name}");
         }
     }
+    for name in STUDIES {
+        let scene = make(name, 20_000, 2);
+        assert_eq!(scene.normals.len(), scene.mesh.positions().len(), "{name}");
+        assert_eq!(scene.path.as_ref().map(|path| path.frames), Some(200), "{name}");
+        assert!(scene.animation.is_none(), "{name}");
+        assert!(scene.materials.iter().all(|m| m.transmission == 0.0 || m.name == "glass"));
+    }
     for name in SHAPES {
         let scene = make(name, 1000, 2);
         assert!(scene.normals.is_empty() && scene.animation.is_none(), "{name}");
@@ -110,7 +117,7 @@ fn scenes_for_renderers_have_unit_normals_and_a_path_and_move() {
 /// Vertex normals show to the side to which the triangles wind.
 #[test]
 fn normals_agree_with_the_winding() {
-    for name in EFFECTS {
+    for name in EFFECTS.iter().chain(STUDIES) {
         let scene = make(name, 60_000, 1);
         let mut against = 0;
         for t in scene.mesh.indices() {
@@ -192,7 +199,7 @@ fn the_effects_are_those_of_the_materials() {
 /// On every frame the camera is well clear of every triangle, as they stand then.
 #[test]
 fn camera_paths_run_through_free_space() {
-    for name in EFFECTS {
+    for name in EFFECTS.iter().chain(STUDIES) {
         let scene = make(name, 30_000, 1);
         let path = scene.camera_path();
         for frame in (0..path.frames).step_by(15) {

@@ -4,7 +4,7 @@
 @group(1) @binding(0) var surfaces: texture_2d<u32>;
 @group(1) @binding(1) var depths: texture_depth_2d;
 // The sum of all light.
-@group(1) @binding(2) var sum: texture_2d<f32>;
+@group(3) @binding(0) var sum: texture_2d<f32>;
 
 // A triangle that covers the screen, at depth 0: infinitely far.
 @vertex
