@@ -22,17 +22,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         Err(error) => return Err(error.into()),
     };
     std::fs::create_dir_all(&folder)?;
-    for (name, study) in [
-        ("atrium", study::atrium(triangles, 1)),
-        ("tessellated", study::tessellated(triangles, 1)),
-    ] {
+    for (name, study) in
+        [("atrium", study::atrium(triangles, 1)), ("tessellated", study::tessellated(triangles, 1))]
+    {
         println!("{name}: {} triangles on {}", study.scene.mesh.len(), gpu.name());
         for algorithm in Algorithm::ALL {
-            let lights = if algorithm.has_shadows() {
-                study.shadow_lights(4)
-            } else {
-                study.lights.clone()
-            };
+            let lights =
+                if algorithm.has_shadows() { study.shadow_lights(4) } else { study.lights.clone() };
             let settings = Settings::new(algorithm, width, height);
             let mut renderer = Renderer::new(&gpu, study.scene.clone(), lights, settings)?;
             let camera = study.path.at(0.25);
@@ -40,7 +36,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             let report = renderer.draw(&camera, width, height)?;
             let file = folder.join(format!("{name}-{}.png", algorithm.short().to_lowercase()));
             renderer.picture()?.to_image().save_png(&file, &ToneCurve::default())?;
-            println!("{algorithm:4} {:8.2} ms  {}", report.gpu_ms().unwrap_or(f64::NAN), file.display());
+            println!(
+                "{algorithm:4} {:8.2} ms  {}",
+                report.gpu_ms().unwrap_or(f64::NAN),
+                file.display()
+            );
             for pass in report.passes.iter().filter(|p| p.pass.light().unwrap_or(0) == 0) {
                 println!("     {:8.2} ms  {}", pass.ms().unwrap_or(f64::NAN), pass.pass);
             }

@@ -2,6 +2,7 @@
 //! processors" (Johnsson, Ganestam, Doggett and Akenine-Möller 2012, §3).
 
 mod edges;
+mod exact;
 mod layout;
 mod light;
 mod picture;
@@ -14,6 +15,7 @@ mod targets;
 mod volumes;
 
 pub use edges::{Edge, Edges};
+pub use exact::{Exact, ExactShadows, Judged, ShadowError};
 pub use light::SpotLight;
 pub use niwaki_gpu_frame::{FrameError, Gpu};
 pub use picture::{Picture, Shares};

@@ -68,12 +68,12 @@ pub fn tessellated(triangles: usize, seed: u64) -> Study {
         let radius = 2.0 + 7.0 * i as f32 / PRIMARY_LIGHTS as f32;
         let at = Vec3::new(radius * cos, 5.5, radius * sin);
         let target = Vec3::new(0.8 * radius * cos, 0.0, 0.8 * radius * sin);
-        SpotLight::aimed(at, target, 0.5, 9.0, tint(i) * 9.0)
+        SpotLight::aimed(at, target, 0.5, 9.0, tint(i) * 25.0)
     });
     let casting = (0..8_u32).map(|i| {
         let (sin, cos) = (TAU * (3 * i % 8) as f32 / 8.0).sin_cos();
         let at = Vec3::new(6.5 * cos, 6.0 + 0.2 * i as f32, 6.5 * sin);
-        SpotLight::aimed(at, Vec3::new(-0.5 * cos, 0.5, -0.5 * sin), 0.75, 18.0, tint(i) * 45.0)
+        SpotLight::aimed(at, Vec3::new(-0.5 * cos, 0.5, -0.5 * sin), 0.75, 18.0, tint(i) * 70.0)
     });
     Study {
         path,
@@ -92,14 +92,14 @@ fn hall(scene: Scene) -> Study {
         let z = [-6.3, -1.6, 1.6, 6.3][row as usize % 4];
         let y = if row % 3 == 0 { 4.4 } else { 7.5 };
         let aim = Vec3::new(x + 0.5, 0.0, 0.85 * z);
-        SpotLight::aimed(Vec3::new(x, y, z), aim, 0.55, y + 4.0, tint(i) * y * 2.0)
+        SpotLight::aimed(Vec3::new(x, y, z), aim, 0.55, y + 4.0, tint(i) * (y * 7.0))
     });
     let casting = (0..8_u32).map(|i| {
         // Spread over the court from the first two on.
         let x = [-6.0, 6.0, 0.0, -11.0, 11.0, -3.0, 3.0, 8.5][i as usize % 8];
         let z = if i % 2 == 0 { -2.6 } else { 2.6 };
         let aim = Vec3::new(0.75 * x, 0.0, -0.4 * z);
-        SpotLight::aimed(Vec3::new(x, 8.4, z), aim, 0.8, 16.0, tint(i) * 60.0)
+        SpotLight::aimed(Vec3::new(x, 8.4, z), aim, 0.8, 16.0, tint(i) * 160.0)
     });
     Study {
         path,
