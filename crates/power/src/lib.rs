@@ -1,0 +1,20 @@
+//! Power traces of graphics devices: from samples to joules per pixel.
+#[cfg(feature = "analysis")]
+mod rails;
+#[cfg(feature = "analysis")]
+mod trace;
+
+mod clock;
+mod error;
+mod frame_log;
+
+pub use clock::{CLOCK, Clock, now_ns};
+pub use error::PowerError;
+pub use frame_log::{FRAME_LOG_VERSION, FrameLog, FrameLogHeader, FrameRecord, PassTime};
+#[cfg(feature = "analysis")]
+pub use rails::{Calibration, Rail, RailKind, Voltage, rails_by_name};
+#[cfg(feature = "analysis")]
+pub use trace::{
+    BINARY_MAGIC, Block, Column, ReadOptions, RowMark, SensorNote, TraceFormat, TraceInfo,
+    TraceReader, TraceWriter, Unit, open_trace, read_trace,
+};
