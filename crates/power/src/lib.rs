@@ -1,6 +1,16 @@
 //! Power traces of graphics devices: from samples to joules per pixel.
 #[cfg(feature = "analysis")]
+mod clean;
+#[cfg(feature = "analysis")]
+mod edges;
+#[cfg(feature = "analysis")]
+mod filter;
+#[cfg(feature = "analysis")]
 mod rails;
+#[cfg(feature = "analysis")]
+mod survey;
+#[cfg(feature = "analysis")]
+mod sync;
 #[cfg(feature = "analysis")]
 mod trace;
 
@@ -12,7 +22,20 @@ pub use clock::{CLOCK, Clock, now_ns};
 pub use error::PowerError;
 pub use frame_log::{FRAME_LOG_VERSION, FrameLog, FrameLogHeader, FrameRecord, PassTime};
 #[cfg(feature = "analysis")]
+pub use clean::{
+    CleanOptions, CleanStream, Cleaner, Fault, FaultCount, Flag, Mark, PowerBlock, PowerStream,
+    Quality, RailTotal,
+};
+#[cfg(feature = "analysis")]
+pub use edges::Edge;
+#[cfg(feature = "analysis")]
+pub use filter::{Butterworth, Decimated, Decimator, Section, ZeroPhase};
+#[cfg(feature = "analysis")]
 pub use rails::{Calibration, Rail, RailKind, Voltage, rails_by_name};
+#[cfg(feature = "analysis")]
+pub use survey::{Bins, Levels};
+#[cfg(feature = "analysis")]
+pub use sync::{ClockMap, SyncMethod};
 #[cfg(feature = "analysis")]
 pub use trace::{
     BINARY_MAGIC, Block, Column, ReadOptions, RowMark, SensorNote, TraceFormat, TraceInfo,
