@@ -55,6 +55,16 @@ pub(crate) struct Survey {
     /// Energy of the whole trace without its holes, in joules, and the time that it was measured over.
     pub(crate) energy_j: f64,
     pub(crate) measured_s: f64,
+    /// The usual time between rows.
+    pub(crate) period_ns: f64,
+}
+
+impl Survey {
+    /// When marks were given. They stand with the first sample after that, so on average half a period
+    /// late.
+    pub(crate) fn mark_times(&self) -> Vec<f64> {
+        self.marks.iter().map(|m| m.time_ns as f64 - 0.5 * self.period_ns).collect()
+    }
 }
 
 /// Surveys a stream. Power is kept if it takes no more than `keep_bytes`.
@@ -110,6 +120,7 @@ pub(crate) fn survey(
         kept,
         energy_j,
         measured_s,
+        period_ns: 0.0,
     })
 }
 

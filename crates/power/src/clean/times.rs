@@ -102,6 +102,9 @@ impl Times {
         } else {
             work.append(&block);
         }
+        if work.is_empty() {
+            return Rows { block: work, ..Rows::default() };
+        }
         if self.gap_ns == 0 {
             if work.len() < 64 && !is_last {
                 self.carry = work;
@@ -179,7 +182,7 @@ impl Times {
                     continue;
                 }
                 if displaced > 0 {
-                    let reach = later.iter().rposition(|t| before(t)).map_or(at, |r| at + 1 + r);
+                    let reach = later.iter().rposition(before).map_or(at, |r| at + 1 + r);
                     sort_rows(&mut work, at, reach);
                     time = work.times_ns[at] + self.shift;
                 }

@@ -186,7 +186,7 @@ pub(super) fn nearest(sorted: &[f64], to: f64) -> Option<f64> {
 /// Adds the share of each bin that lies between two places.
 fn cover(bins: &mut [f32], from: f64, to: f64) {
     let (from, to) = (from.max(0.0), to.min(bins.len() as f64));
-    if !(from < to) {
+    if from >= to || from.is_nan() || to.is_nan() {
         return;
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the bins")]

@@ -73,7 +73,7 @@ pub(crate) fn marked_frames(log: &FrameLog) -> Vec<i64> {
 
 fn by_marker(log: &FrameLog, survey: &Survey, period_ns: f64) -> Result<ClockMap, PowerError> {
     let starts = marked_frames(log);
-    let marks: Vec<_> = survey.marks.iter().map(|m| m.time_ns as f64).collect();
+    let marks = survey.mark_times();
     if starts.len() < 2 || marks.len() < 2 {
         return Err(PowerError::NoSync(format!(
             "{} marks in the log and {} in the trace; two are needed",
