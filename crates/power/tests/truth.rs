@@ -1,9 +1,7 @@
 //! What is recovered from recordings whose truth is known.
 
 use niwaki_power::generator::{FaultPlan, MarkPolicy, Recording, RecordingOptions};
-use niwaki_power::{
-    Analysis, AnalysisOptions, ClockMap, Fault, FrameLog, SyncMethod, analyze,
-};
+use niwaki_power::{Analysis, AnalysisOptions, ClockMap, Fault, FrameLog, SyncMethod, analyze};
 
 const SAMPLE_NS: f64 = 25_000.0;
 
@@ -33,7 +31,13 @@ fn boundaries(analysis: &Analysis, recording: &Recording) -> (f64, f64) {
 fn check_energy(analysis: &Analysis, recording: &Recording) {
     for (group, truth) in analysis.groups.iter().zip(&recording.truth().nj_per_pixel) {
         let error = group.energy.mean_nj_per_pixel / truth - 1.0;
-        println!("{} {}: {:.2} nJ/pixel, {:+.4} %", group.algorithm, group.lights, truth, 100.0 * error);
+        println!(
+            "{} {}: {:.2} nJ/pixel, {:+.4} %",
+            group.algorithm,
+            group.lights,
+            truth,
+            100.0 * error
+        );
         assert!(error.abs() < 0.005, "{} {}: {error}", group.algorithm, group.lights);
         assert_eq!(group.incomplete, 0);
     }

@@ -15,8 +15,11 @@ pub enum Exact {
     Unreached,
     /// The triangle's visible side faces the light and nothing stands between.
     Lit,
-    /// Something stands between, the triangle itself included.
+    /// It faces the light, and something stands between.
     Shadowed,
+    /// It faces away: the triangle itself stands between, and no light is reflected whatever a
+    /// shadow algorithm says.
+    Averted,
 }
 
 /// What rays say of a pixel.
@@ -122,7 +125,9 @@ impl ExactShadows {
             return Exact::Unreached;
         }
         let at = light.position.as_dvec3();
-        if plane.sine(at, point) > 0.0 && self.sees(point, at) {
+        if !(plane.sine(at, point) > 0.0) {
+            Exact::Averted
+        } else if self.sees(point, at) {
             Exact::Lit
         } else {
             Exact::Shadowed
@@ -191,20 +196,23 @@ impl Rays {
     }
 }
 
-/// How far a frame's shadows of a light are from exact ones, over the pixels that it reaches.
+/// How far a frame's shadows of a light are from exact ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShadowError {
     /// Pixels within the light's cone and range.
     pub reached: usize,
     /// Of those, silhouette pixels.
     pub silhouettes: usize,
+    /// Of those, pixels whose triangle faces away from the light.
+    pub averted: usize,
     /// Silhouette pixels whose share is off by half or more.
     pub wrong_at_silhouettes: usize,
+    /// Pixels that face away whose share is off by half or more, silhouettes aside.
+    pub wrong_averted: usize,
     /// Other pixels whose share is off by half or more.
     pub wrong_elsewhere: usize,
-    /// Sum of |share − exact|.
-    pub sum: f64,
-    /// Sum of shares at pixels in shadow: light that leaks or bleeds.
+    /// Sum of shares at pixels in shadow: light that leaks or bleeds. Pixels that face away do not
+    /// count, here and below: they reflect nothing anyway.
     pub leaked: f64,
     /// Sum of 1 − share at lit pixels: darkness that should not be, acne for one.
     pub lost: f64,
@@ -220,21 +228,23 @@ impl ShadowError {
             let off = match judged.exact {
                 Exact::Unreached => continue,
                 Exact::Lit => 1.0 - share,
-                Exact::Shadowed => share,
+                Exact::Shadowed | Exact::Averted => share,
             };
+            let averted = judged.exact == Exact::Averted;
             all.reached += 1;
             all.silhouettes += usize::from(judged.silhouette);
-            all.sum += off.abs();
+            all.averted += usize::from(averted);
             match judged.exact {
                 Exact::Lit => all.lost += off,
-                _ => all.leaked += off,
+                Exact::Shadowed => all.leaked += off,
+                _ => {}
             }
             // Written so that a share that is no number is wrong.
             if !(off < 0.5) {
-                if judged.silhouette {
-                    all.wrong_at_silhouettes += 1;
-                } else {
-                    all.wrong_elsewhere += 1;
+                match (judged.silhouette, averted) {
+                    (true, _) => all.wrong_at_silhouettes += 1,
+                    (false, true) => all.wrong_averted += 1,
+                    (false, false) => all.wrong_elsewhere += 1,
                 }
             }
         }
@@ -247,17 +257,31 @@ impl ShadowError {
         Self {
             reached: self.reached + other.reached,
             silhouettes: self.silhouettes + other.silhouettes,
+            averted: self.averted + other.averted,
             wrong_at_silhouettes: self.wrong_at_silhouettes + other.wrong_at_silhouettes,
+            wrong_averted: self.wrong_averted + other.wrong_averted,
             wrong_elsewhere: self.wrong_elsewhere + other.wrong_elsewhere,
-            sum: self.sum + other.sum,
             leaked: self.leaked + other.leaked,
             lost: self.lost + other.lost,
         }
     }
 
-    /// Mean |share − exact| over the reached pixels; 0 without any.
+    /// Pixels that are reached and face the light.
+    #[must_use]
+    pub const fn facing(&self) -> usize {
+        self.reached - self.averted
+    }
+
+    /// Mean |share − exact| over the pixels that face the light; 0 without any.
     #[must_use]
     pub fn mean(&self) -> f64 {
-        self.sum / self.reached.max(1) as f64
+        (self.leaked + self.lost) / self.facing().max(1) as f64
+    }
+
+    /// Mean share at pixels in shadow and mean loss at lit ones, each over all pixels that face
+    /// the light.
+    #[must_use]
+    pub fn leaked_and_lost(&self) -> [f64; 2] {
+        [self.leaked, self.lost].map(|sum| sum / self.facing().max(1) as f64)
     }
 }

@@ -1,6 +1,7 @@
 //! The raster case studies of "Power efficiency for software algorithms running on graphics
 //! processors" (Johnsson, Ganestam, Doggett and Akenine-Möller 2012, §3).
 
+mod animation;
 mod edges;
 mod exact;
 mod layout;
@@ -14,6 +15,7 @@ pub mod study;
 mod targets;
 mod volumes;
 
+pub use animation::Animation;
 pub use edges::{Edge, Edges};
 pub use exact::{Exact, ExactShadows, Judged, ShadowError};
 pub use light::SpotLight;

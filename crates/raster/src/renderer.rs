@@ -149,6 +149,12 @@ impl Renderer {
         self.lights = lights.into_iter().map(SpotLight::sanitized).collect();
     }
 
+    /// The device's name.
+    #[must_use]
+    pub fn device_name(&self) -> &str {
+        self.gpu.name()
+    }
+
     /// The scene.
     #[must_use]
     pub const fn scene(&self) -> &Arc<Scene> {

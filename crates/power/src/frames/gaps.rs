@@ -76,7 +76,8 @@ impl<'a> GapFinder<'a> {
             self.filled += 1;
             // A single noisy sample neither starts nor ends a gap.
             let is_low = watts < self.limit
-                && (self.filled < WIDTH || self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit)
+                && (self.filled < WIDTH
+                    || self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit)
                 || (self.start.is_some()
                     && self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit);
             if is_low {

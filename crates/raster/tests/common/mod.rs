@@ -4,7 +4,8 @@
 use niwaki_build_binned::Binned;
 use niwaki_core::{TriangleMesh, glam::Vec3};
 use niwaki_raster::{
-    Algorithm, ExactShadows, FrameError, Gpu, Judged, Renderer, Settings, ShadowError, SpotLight,
+    Algorithm, Exact, ExactShadows, FrameError, Gpu, Judged, Renderer, Settings, ShadowError,
+    SpotLight,
 };
 use niwaki_scene::{Camera, Scene};
 use std::sync::{Arc, OnceLock};
@@ -58,14 +59,37 @@ pub(crate) fn error(
     (sum, last)
 }
 
-/// The same for a scene and its lights by shadow volumes.
+/// The same for a scene and its lights by shadow volumes, and how many pixels are in shadow and
+/// how many are not, by the last light.
 pub(crate) fn volumes(
     scene: &Arc<Scene>,
     lights: &[SpotLight],
     camera: &Camera,
-) -> Option<ShadowError> {
+) -> Option<(ShadowError, [usize; 2])> {
     let gpu = gpu()?;
     let settings = settings(Algorithm::ShadowVolumes);
     let mut renderer = Renderer::new(&gpu, Arc::clone(scene), lights.to_vec(), settings).unwrap();
-    Some(error(&mut renderer, camera, SIZE).0)
+    let (error, judged) = error(&mut renderer, camera, SIZE);
+    let count = |exact| judged.iter().filter(|j| j.exact == exact).count();
+    let shadowed = count(Exact::Shadowed) + count(Exact::Averted);
+    Some((error, [shadowed, count(Exact::Lit)]))
+}
+
+/// A square of two triangles that winds around `up`, of side 2 `half`, seen from above.
+pub(crate) fn square(
+    positions: &mut Vec<Vec3>,
+    indices: &mut Vec<[u32; 3]>,
+    middle: Vec3,
+    [u, v]: [Vec3; 2],
+) {
+    let i = u32::try_from(positions.len()).unwrap();
+    positions.extend([middle - u - v, middle + u - v, middle + u + v, middle - u + v]);
+    indices.extend([[i, i + 1, i + 2], [i, i + 2, i + 3]]);
+}
+
+/// A ground of 12 by 12 in the plane y = 0.
+pub(crate) fn ground() -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let (mut positions, mut indices) = (Vec::new(), Vec::new());
+    square(&mut positions, &mut indices, Vec3::ZERO, [Vec3::Z * 6.0, Vec3::X * 6.0]);
+    (positions, indices)
 }
