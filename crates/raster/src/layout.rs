@@ -33,6 +33,8 @@ pub(crate) struct FrameUniform {
     least_filter: f32,
     least_deviation: f32,
     bleeding: f32,
+    most_filter: f32,
+    pad: [f32; 3],
 }
 
 impl FrameUniform {
@@ -78,6 +80,8 @@ impl FrameUniform {
             least_filter: settings.variance.least_filter,
             least_deviation: settings.variance.least_deviation,
             bleeding: settings.variance.bleeding,
+            most_filter: settings.variance.most_filter,
+            pad: [0.0; 3],
         }
     }
 }
@@ -137,5 +141,5 @@ pub(crate) struct Caster {
 }
 
 const _: () = assert!(
-    size_of::<FrameUniform>() == 160 && size_of::<GpuLight>() == 128 && size_of::<Caster>() == 96
+    size_of::<FrameUniform>() == 176 && size_of::<GpuLight>() == 128 && size_of::<Caster>() == 96
 );

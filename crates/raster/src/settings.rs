@@ -142,6 +142,10 @@ impl Bias {
 pub struct Variance {
     /// The least width of the filter, in pixels of the map; from 1. More makes softer edges.
     pub least_filter: f32,
+    /// The greatest width of the part of the map that a pixel of the image covers and the filter
+    /// takes in; from 1, in pixels of the map. No limit, the default, is the paper's; with 1 only the finest level is read,
+    /// and edges alias as those of shadow maps do.
+    pub most_filter: f32,
     /// The least standard deviation of depth that the bound is computed with, in pixels that the
     /// map has where the point is; it hides self-shadowing that rounding makes.
     pub least_deviation: f32,
@@ -157,6 +161,7 @@ impl Default for Variance {
     fn default() -> Self {
         Self {
             least_filter: 1.0,
+            most_filter: 65_536.0,
             least_deviation: 0.5,
             bleeding: 0.0,
             bias: Bias { constant: 0.5, slope: 0.0, normal: 0.0 },
@@ -209,6 +214,7 @@ impl Settings {
         within(&mut self.ambient, 0.0, 1e6, 0.15);
         let variance = Variance::default();
         within(&mut self.variance.least_filter, 1.0, 1024.0, variance.least_filter);
+        within(&mut self.variance.most_filter, 1.0, 65_536.0, variance.most_filter);
         within(&mut self.variance.least_deviation, 0.0, 1e6, variance.least_deviation);
         within(&mut self.variance.bleeding, 0.0, 0.99, variance.bleeding);
         for bias in [&mut self.bias, &mut self.variance.bias] {

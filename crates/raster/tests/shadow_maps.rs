@@ -38,13 +38,38 @@ fn shadow_maps_converge_with_resolution() {
     }
 }
 
+/// By the finest level alone, with the resolution of the map.
 #[test]
 fn variance_shadow_maps_converge_with_resolution() {
-    let Some(errors) = errors(settings(Algorithm::VarianceShadowMaps), &SIDES) else { return };
+    let variance = Variance { most_filter: 1.0, ..Variance::default() };
+    let settings = Settings { variance, ..settings(Algorithm::VarianceShadowMaps) };
+    let Some(errors) = errors(settings, &SIDES) else { return };
     let means: Vec<f64> = errors.iter().map(ShadowError::mean).collect();
     println!("{means:.4?}");
-    assert!(means.windows(2).all(|w| w[1] < w[0]), "{means:?}");
-    assert!(means[3] < 0.06 && means[3] < 0.4 * means[0], "{means:?}");
+    assert!(means.windows(2).all(|w| w[1] < 0.75 * w[0]), "{means:?}");
+    assert!(means[3] < 0.015, "{means:?}");
+}
+
+/// With their levels, which filter as much as a pixel of the image covers, when the image grows
+/// with the map; with the map alone they stay as soft as the image's pixels.
+#[test]
+fn filtered_variance_shadow_maps_converge_as_image_and_map_grow() {
+    let Some(gpu) = gpu() else { return };
+    let study = study::tessellated(6_000, 1);
+    let lights = study.shadow_lights(2);
+    let mut renderer =
+        Renderer::new(&gpu, study.scene.clone(), lights, settings(Algorithm::VarianceShadowMaps))
+            .unwrap();
+    let means = [1, 2, 4].map(|n| {
+        let size = [80 * n, 45 * n];
+        renderer.set_settings(Settings {
+            shadow_resolution: 256 * n,
+            ..Settings::new(Algorithm::VarianceShadowMaps, size[0], size[1])
+        });
+        error(&mut renderer, &study.path.at(0.1), size).0.mean()
+    });
+    println!("{means:.4?}");
+    assert!(means.windows(2).all(|w| w[1] < 0.75 * w[0]), "{means:?}");
 }
 
 /// Without bias a map's pixels shade the surfaces they were drawn from; the default ends that.
@@ -78,7 +103,7 @@ fn variance_maps_bleed_behind_two_layers_and_the_setting_darkens_it() {
     // Between the large square and the ground.
     let camera = Camera::look_at(Vec3::new(0.0, 0.2, 5.5), Vec3::ZERO, Vec3::Y, 1.0);
     let scene = scene(positions, indices);
-    let mut leaked = |algorithm, least_filter, bleeding| {
+    let leaked = |algorithm, least_filter, bleeding| {
         let variance = Variance { least_filter, bleeding, ..Variance::default() };
         let settings = Settings { variance, shadow_resolution: 256, ..settings(algorithm) };
         let mut renderer = Renderer::new(&gpu, scene.clone(), vec![light], settings).unwrap();

@@ -37,6 +37,11 @@ struct RasterFrame {
     least_deviation: f32,
     // Shares of light up to this one count as none.
     bleeding: f32,
+    // The greatest width of that filter, whatever a pixel of the image covers.
+    most_filter: f32,
+    pad0: f32,
+    pad1: f32,
+    pad2: f32,
 }
 
 struct SpotLight {

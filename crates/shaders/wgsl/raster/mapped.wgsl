@@ -103,7 +103,8 @@ fn moments_main(in: Volume) -> @location(0) vec4f {
         let exact = mapped(light, p.surface.point - light.position);
         let x = step_in_map(light, in.clip, exact.uv, vec2i(1, 0));
         let y = step_in_map(light, in.clip, exact.uv, vec2i(0, 1));
-        let filter_width = max(max(x, y) * frame.map_side, frame.least_filter);
+        let covered = min(max(x, y) * frame.map_side, frame.most_filter);
+        let filter_width = max(covered, frame.least_filter);
         let level = log2(max(filter_width, 1.0));
         let mean = textureSampleLevel(moments, moment_sampler, m.uv, level).xy;
         let depth = m.w / light.range;
