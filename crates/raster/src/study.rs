@@ -28,9 +28,15 @@ pub struct Study {
 }
 
 impl Study {
-    /// A scene of one's own: lights hang above its middle as its bounds allow.
+    /// A scene with lights. Those of the generated scenes `serpents` and `tessellated` are the
+    /// studies' own; for a scene of one's own they hang above its middle as its bounds allow.
     #[must_use]
     pub fn of(scene: Scene) -> Self {
+        match scene.name.as_str() {
+            "serpents" => return hall(scene),
+            "tessellated" => return shapes(scene),
+            _ => {}
+        }
         let path = scene.camera_path();
         let (lights, casting) = (ring(scene.mesh.bounds()), above(scene.mesh.bounds()));
         Self { scene: Arc::new(strip(scene)), path, lights, casting }
@@ -61,7 +67,11 @@ pub fn atrium_with(dragon: &Scene, triangles: usize, seed: u64) -> Study {
 /// Tessellated shapes in about this many triangles, [`TESSELLATED_TRIANGLES`] in the paper.
 #[must_use]
 pub fn tessellated(triangles: usize, seed: u64) -> Study {
-    let scene = generate::generate("tessellated", triangles, seed).unwrap_or_default();
+    shapes(generate::generate("tessellated", triangles, seed).unwrap_or_default())
+}
+
+/// Lights around the tessellated shapes.
+fn shapes(scene: Scene) -> Study {
     let path = scene.camera_path();
     let lights = (0..to_u32(PRIMARY_LIGHTS)).map(|i| {
         let (sin, cos) = (TAU * i as f32 / 11.0).sin_cos();
