@@ -125,12 +125,10 @@ impl ExactShadows {
             return Exact::Unreached;
         }
         let at = light.position.as_dvec3();
-        if !(plane.sine(at, point) > 0.0) {
-            Exact::Averted
-        } else if self.sees(point, at) {
-            Exact::Lit
-        } else {
-            Exact::Shadowed
+        match plane.sine(at, point) > 0.0 {
+            false => Exact::Averted,
+            true if self.sees(point, at) => Exact::Lit,
+            true => Exact::Shadowed,
         }
     }
 }
@@ -239,8 +237,8 @@ impl ShadowError {
                 Exact::Shadowed => all.leaked += off,
                 _ => {}
             }
-            // Written so that a share that is no number is wrong.
-            if !(off < 0.5) {
+            // A share that is no number is wrong.
+            if off >= 0.5 || off.is_nan() {
                 match (judged.silhouette, averted) {
                     (true, _) => all.wrong_at_silhouettes += 1,
                     (false, true) => all.wrong_averted += 1,

@@ -103,8 +103,10 @@ impl Renderer {
         let group = surfaces.group(gpu, &frame);
         let bounds = scene.mesh.bounds();
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
-        #[expect(clippy::cast_possible_truncation, reason = "clamped; NaN becomes the least")]
-        let near = (diagonal * 1e-5).max(1e-30).min(1e20) as f32;
+        // Without triangles there is no diagonal.
+        let diagonal = if diagonal.is_finite() { diagonal } else { 1.0 };
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to the range of f32")]
+        let near = (diagonal * 1e-5).clamp(1e-30, 1e20) as f32;
         let variant = Variant {
             alpha: scene.materials.iter().any(|m| m.alpha_mode != AlphaMode::Opaque),
             textures: !scene.textures.is_empty(),
