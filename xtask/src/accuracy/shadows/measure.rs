@@ -44,7 +44,7 @@ pub(super) struct Point {
 pub(super) struct Measured {
     /// By setup; what failed says why.
     pub(super) points: Vec<Result<Point, String>>,
-    /// The first view by the first setup of each algorithm.
+    /// The first view by the first setup of each algorithm whose map is by the paper's rule.
     pub(super) pictures: Vec<(Algorithm, Image)>,
     pub(super) triangles: usize,
 }
@@ -116,7 +116,9 @@ pub(super) fn scene(
                         spent[i].0.push(frame_ms);
                         spent[i].1.push(shadow_ms);
                         let algorithm = setup.settings.algorithm;
-                        if pictures.iter().all(|(shown, _)| *shown != algorithm) {
+                        let by_rule =
+                            setup.settings.shadow_resolution == first.settings.shadow_resolution;
+                        if by_rule && pictures.iter().all(|(shown, _)| *shown != algorithm) {
                             pictures.push((algorithm, renderer.picture()?.to_image()));
                         }
                     }

@@ -27,7 +27,7 @@ pub(super) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
     };
     let _ = writeln!(
         html,
-        "<p>{} × {} pixels, {} views, {} lights on <strong>{}</strong>, timed by {clock}.</p>",
+        "<p>{} × {} pixels, frames: {}, lights: {}, on <strong>{}</strong>, timed by {clock}.</p>",
         study.width,
         study.height,
         study.frames,
