@@ -51,14 +51,15 @@ pub(super) fn serpents(triangles: usize, seed: u64) -> Plan {
     });
     plan.path = Some(path);
     plan.crease = Some(EDGES);
-    let mut budget = Budget::new(triangles, 1.0);
-    let share = budget.share(ATRIUM_SHARE);
+    let share = Budget::new(triangles, 1.0).share(ATRIUM_SHARE);
     let furniture = atrium::Furniture { vases: false, waving: false };
-    budget.spend(atrium::furnish(&mut plan, share, seed, &furniture));
+    // A small atrium has more than its share; dragons get what is left.
+    let left = triangles.saturating_sub(atrium::furnish(&mut plan, share, seed, &furniture));
+    let mut budget = Budget::new(left, 1.0);
     plan.crease = Some(ROUND);
     for (i, (foot, scale, turn)) in DRAGONS.into_iter().enumerate() {
         plan.object("dragon", crate::Motion::default());
-        let share = budget.share((1.0 - ATRIUM_SHARE) / DRAGONS.len() as f64);
+        let share = budget.share(1.0 / DRAGONS.len() as f64);
         let size = cells(share, dragon::ASPECT, [8, 3]);
         let (sin, cos) = sin_cos_turns(turn);
         let seed = seed.wrapping_add(i as u64);
