@@ -198,7 +198,7 @@ mod tests {
         let maps = mean("SM");
         assert!(maps.len() == 3 && mean("VSM").len() == 3, "{maps:?}");
         assert!(maps[2] < maps[0] && mean("SV")[0] < maps[2], "{maps:?}");
-        assert!(out.join("csv/shadows-tessellated-3000.csv").is_file());
+        assert!(out.join("csv/shadows-tessellated.csv").is_file());
         let page = std::fs::read_to_string(out.join("accuracy.html")).unwrap();
         assert_eq!(page.matches("data:image/png;base64,").count(), 3);
         std::fs::remove_dir_all(out).unwrap();
