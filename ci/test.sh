@@ -85,6 +85,10 @@ if [ "$setup" = 1 ]; then
   step "accuracy of the hybrid renderer, small"
   cargo xtask accuracy --suite hybrid --quick --out out/ci-accuracy-hybrid
   test -s out/ci-accuracy-hybrid/pictures/gallery-frame.png
+  step "accuracy of shadows, small"
+  cargo xtask accuracy --suite shadows --quick --out out/ci-accuracy-shadows
+  # Shadow volumes are exact but for silhouettes.
+  grep -q '^SV,,,,[^,]*,[^,]*,[^,]*,0,' out/ci-accuracy-shadows/csv/shadows-tessellated.csv
 fi
 
 # Needs a Vulkan device too.

@@ -219,7 +219,11 @@ Examples:
   cargo xtask accuracy --suite hybrid --scene model.glb --families region,map --size 1280x720
       Your own scene, two of the knobs.
 
-Output (in --out): accuracy.json, accuracy.html and csv/*.csv; of the hybrid renderer also
+  cargo xtask accuracy --suite shadows
+      Shadow volumes, shadow maps and variance shadow maps: error of shadows against exact ones by
+      rays, over map resolution, filter and bias, and the time of the frame on the GPU.
+
+Output (in --out): accuracy.json, accuracy.html and csv/*.csv; of renderers also
 pictures/*.png, the worst artifact of each scene with the setting that removes it. In the suite of builders a point is a tree: build time up to
 the traversable 8-wide tree against time per ray of an equal mix of the ray sets, SAH, end-point
 overlap (EPO) and leaf count variability (LCV). Points that no other beats in both times are on the
@@ -236,6 +240,9 @@ pub(crate) enum Suite {
     /// Settings of the hybrid renderer: time of frames against error of pictures. Needs a Vulkan
     /// device.
     Hybrid,
+    /// Shadow volumes, shadow maps and variance shadow maps over resolution, filter and bias: time
+    /// of frames against error of shadows. Needs a Vulkan device.
+    Shadows,
 }
 
 /// Arguments of `cargo xtask accuracy`.
@@ -248,7 +255,7 @@ pub(crate) struct AccuracyArgs {
 
     /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
     /// may be repeated [default: dragon, atrium and foliage; for hybrid chess, gallery, atrium,
-    /// courtyard and one_mirror]
+    /// courtyard and one_mirror; for shadows serpents and tessellated]
     #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
     pub(crate) scenes: Vec<String>,
 
@@ -256,16 +263,16 @@ pub(crate) struct AccuracyArgs {
     #[arg(long = "scenes", value_name = "DIR")]
     pub(crate) folders: Vec<PathBuf>,
 
-    /// Families of builders, or knobs of the hybrid renderer, comma-separated (a name that is none
+    /// Families of builders, or knobs of the renderers, comma-separated (a name that is none
     /// lists them) [default: all]; not for the suite of kernels
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) families: Vec<String>,
 
-    /// Width and height of pictures, for hybrid [default: 320x180, with --quick 96x54]
+    /// Width and height of pictures, for hybrid and shadows [default: 320x180, with --quick 96x54]
     #[arg(long, value_name = "WIDTHxHEIGHT")]
     pub(crate) size: Option<Size>,
 
-    /// Frames that are compared, spread over the camera path, for hybrid [default: 3, with --quick 1]
+    /// Frames that are compared, spread over the camera path, for hybrid and shadows [default: 3, with --quick 1]
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub(crate) frames: Option<u32>,
 

@@ -36,9 +36,6 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-mod atlas;
-mod error;
-mod gpu;
 mod layout;
 mod pipelines;
 pub mod plan;
@@ -47,14 +44,12 @@ pub mod region;
 mod renderer;
 mod report;
 pub mod settings;
-mod slot;
 mod targets;
 mod tree;
 mod upload;
 mod views;
 
-pub use error::HybridError;
-pub use gpu::{DEVICE_VARIABLE, Gpu};
+pub use niwaki_gpu_frame::{DEVICE_VARIABLE, FrameError as HybridError, Gpu};
 pub use plan::{Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality};
 pub use region::{Face, Region, Side};
 pub use renderer::HybridRenderer;

@@ -1,19 +1,13 @@
 //! Shader modules and pipelines, made when a frame first needs them.
 
-use crate::{
-    Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, March, SampleRule, Settings,
-    slot::Slot,
-};
+use crate::{Behind, DebugView, Effect, EffectPlan, Gpu, HybridError, March, SampleRule, Settings};
+use niwaki_gpu_frame::{RasterPipeline, SURFACE, Slot, TRIANGLE, depth_state, opaque};
 use std::{
     collections::HashMap,
     hash::Hash,
     sync::{Mutex, PoisonError},
 };
 
-/// Formats of a G-buffer: the surface, and in the primary view the triangle.
-pub(crate) const SURFACE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
-pub(crate) const TRIANGLE: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
-pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Of cells of the depth pyramid: least and greatest.
 pub(crate) const RANGE: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Float;
 
@@ -242,83 +236,42 @@ impl Pipelines {
         scene: &wgpu::BindGroupLayout,
         (target, [alpha, textures, through_only]): (Target, [bool; 3]),
     ) -> Result<wgpu::RenderPipeline, HybridError> {
-        let layout = match target {
-            Target::Second => {
-                gpu.pipeline_layout(&[scene, &self.view_layout, &self.first_layer_layout])
-            }
-            _ => gpu.pipeline_layout(&[scene, &self.view_layout]),
-        };
-        let color = |format| {
-            Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL })
-        };
         let (entry, targets, compare) = match target {
             Target::Primary => (
                 Some("primary_main"),
-                vec![color(SURFACE), color(TRIANGLE)],
+                vec![opaque(SURFACE), opaque(TRIANGLE)],
                 wgpu::CompareFunction::Greater,
             ),
-            Target::Face => (Some("face_main"), vec![color(SURFACE)], wgpu::CompareFunction::Less),
+            Target::Face => (Some("face_main"), vec![opaque(SURFACE)], wgpu::CompareFunction::Less),
             Target::Second => {
-                (Some("second_main"), vec![color(SURFACE)], wgpu::CompareFunction::Less)
+                (Some("second_main"), vec![opaque(SURFACE)], wgpu::CompareFunction::Less)
             }
             Target::Shadow => {
                 (alpha.then_some("shadow_main"), vec![], wgpu::CompareFunction::Greater)
             }
         };
+        let mut layouts = vec![scene, &self.view_layout];
+        if target == Target::Second {
+            layouts.push(&self.first_layer_layout);
+        }
         let flag = |b: bool| f64::from(u8::from(b));
-        let constants = [
-            ("ALPHA", flag(alpha)),
-            ("TEXTURES", flag(textures)),
-            ("THROUGH_ONLY", flag(through_only)),
-        ];
-        let options = wgpu::PipelineCompilationOptions {
-            constants: &constants,
-            ..wgpu::PipelineCompilationOptions::default()
-        };
-        let attribute = |offset, shader_location, format| wgpu::VertexAttribute {
-            format,
-            offset,
-            shader_location,
-        };
-        let attributes = [
-            attribute(0, 0, wgpu::VertexFormat::Float32x3),
-            attribute(12, 1, wgpu::VertexFormat::Float32),
-            attribute(16, 2, wgpu::VertexFormat::Float32x3),
-            attribute(28, 3, wgpu::VertexFormat::Float32),
-        ];
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("raster"),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &self.raster,
-                entry_point: Some("vertex_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[Some(wgpu::VertexBufferLayout {
-                    array_stride: 32,
-                    step_mode: wgpu::VertexStepMode::Vertex,
-                    attributes: &attributes,
-                })],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(compare),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: entry.map(|entry| wgpu::FragmentState {
-                module: &self.raster,
-                entry_point: Some(entry),
-                compilation_options: options,
-                targets: &targets,
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
-        gpu.check()?;
-        Ok(pipeline)
+        RasterPipeline {
+            label: "raster",
+            module: &self.raster,
+            layouts: &layouts,
+            vertex: "vertex_main",
+            fragment: entry,
+            constants: &[
+                ("ALPHA", flag(alpha)),
+                ("TEXTURES", flag(textures)),
+                ("THROUGH_ONLY", flag(through_only)),
+            ],
+            targets: &targets,
+            depth: Some(depth_state(compare, true)),
+            reads_vertices: true,
+            cull: None,
+        }
+        .make(gpu)
     }
 
     /// The kernel that shades the primary view.

@@ -108,7 +108,7 @@ impl Pyramid {
             // The first of the levels is half as wide as the level below it.
             let cells = (self.levels[0].texture().width() >> first).max(1);
             steps.push(Step {
-                pipeline: pipelines.reducer(gpu, &scene.layout, entry)?,
+                pipeline: pipelines.reducer(gpu, &scene.surfaces.layout, entry)?,
                 group: gpu.bind(&pipelines.pyramid_layout, &resources),
                 groups: [cells.div_ceil(8), cells.div_ceil(8), to_u32(layers.len().min(12))],
             });
@@ -196,7 +196,7 @@ mod tests {
         let row = (to_u32(size_of::<T>()) * side).next_multiple_of(256);
         let usage = BufferUsages::COPY_SRC;
         let buffer = gpu.buffer("copy", u64::from(row) * u64::from(side), usage).unwrap();
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
         encoder.copy_texture_to_buffer(
             wgpu::TexelCopyTextureInfo {
                 texture,
@@ -214,7 +214,7 @@ mod tests {
             },
             wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
         );
-        gpu.queue.submit([encoder.finish()]);
+        gpu.queue().submit([encoder.finish()]);
         let per_row = row as usize / size_of::<T>();
         let all: Vec<T> = gpu.read(&buffer, per_row * side as usize).unwrap();
         all.chunks(per_row).flat_map(|r| r[..side as usize].to_vec()).collect()

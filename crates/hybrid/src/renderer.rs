@@ -17,6 +17,7 @@ use crate::{
 };
 use glam::Vec4;
 use niwaki_core::Aabb;
+use niwaki_gpu_frame::check_camera;
 use niwaki_render::Image;
 use niwaki_scene::{Camera, Light, Scene, ScenePose};
 use std::{sync::Arc, time::Instant};
@@ -89,7 +90,7 @@ impl HybridRenderer {
         Ok(Self {
             gpu: gpu.clone(),
             uploaded: GpuScene::new(gpu, &scene, &settings)?,
-            pipelines: gpu.pipelines()?,
+            pipelines: gpu.shared(Pipelines::new)?,
             screen: None,
             cube: CubeMap::new(gpu, 1, 1)?,
             pyramid: Pyramid::new(gpu, 1, 1)?,
@@ -292,20 +293,4 @@ impl HybridRenderer {
         let words: Vec<u32> = self.gpu.read(&screen.counters, 2 * Counters::COUNT)?;
         Ok(Counters::from_words(&words))
     }
-}
-
-/// Refuses cameras that no ray can be made from.
-fn check_camera(camera: &Camera) -> Result<(), HybridError> {
-    let finite = camera.position.is_finite() && camera.forward.is_finite() && camera.up.is_finite();
-    let fov = camera.vertical_fov;
-    if !(finite && fov > 0.0 && fov < std::f32::consts::PI) {
-        return Err(HybridError::BadCamera(format!("{camera:?}")));
-    }
-    let lengths = [camera.forward.length(), camera.up.length(), camera.right().length()];
-    if lengths.iter().any(|l| (l - 1.0).abs() > 0.01) {
-        return Err(HybridError::BadCamera(format!(
-            "its directions are not of unit length or not perpendicular: {camera:?}"
-        )));
-    }
-    Ok(())
 }

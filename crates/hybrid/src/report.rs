@@ -116,6 +116,14 @@ pub struct StageReport {
     pub gpu_time: Option<Duration>,
 }
 
+impl From<niwaki_gpu_frame::Timed<Stage>> for StageReport {
+    fn from(timed: niwaki_gpu_frame::Timed<Stage>) -> Self {
+        let gpu_time = timed.gpu_time();
+        let niwaki_gpu_frame::Timed { stage, draws, dispatches, .. } = timed;
+        Self { stage, draws, dispatches, gpu_time }
+    }
+}
+
 /// What a frame took. Stages that were skipped are not listed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameReport {

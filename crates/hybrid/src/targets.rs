@@ -1,10 +1,7 @@
 //! Images that frames draw to and read from.
 
-use crate::{
-    Gpu, HybridError,
-    pipelines::{DEPTH, SURFACE, TRIANGLE},
-    report::Counters,
-};
+use crate::{Gpu, HybridError, report::Counters};
+use niwaki_gpu_frame::{DEPTH, SURFACE, TRIANGLE};
 use wgpu::{BufferUsages, TextureUsages};
 
 /// A texture array with views of all of it and of each layer.

@@ -97,7 +97,7 @@ impl Kernel {
                 count: None,
             })
             .collect();
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        let layout = gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(entry),
             entries: &entries,
         });
@@ -262,7 +262,7 @@ impl NearTree {
             // room each.
             let roomy = u64::from(wanted).next_power_of_two().max(1024);
             let limit =
-                gpu.limits.max_storage_buffer_binding_size / size_of::<[BvhNode; 2]>() as u64;
+                gpu.limits().max_storage_buffer_binding_size / size_of::<[BvhNode; 2]>() as u64;
             let capacity = roomy.min(limit.max(u64::from(wanted)));
             let workspace = Workspace::new(gpu, u32::try_from(capacity).unwrap_or(u32::MAX))?;
             if let (Some(nodes), Some(ids)) =
@@ -273,10 +273,10 @@ impl NearTree {
             self.workspace = Some(workspace);
         }
         if self.kernels.is_none() {
-            self.kernels = Some(gpu.tree_kernels()?);
+            self.kernels = Some(gpu.shared(TreeKernels::new)?);
         }
         // What rays find if there is nothing to build.
-        gpu.queue.write_buffer(&self.nodes, 0, bytemuck::bytes_of(&NOTHING));
+        gpu.queue().write_buffer(&self.nodes, 0, bytemuck::bytes_of(&NOTHING));
         let capacity = self.workspace.as_ref().map_or(0, |w| w.capacity);
         let near = input.region.traced_bounds();
         let cull = Cull { low: near.min, capacity, high: near.max, pad: 0 };
@@ -313,8 +313,8 @@ impl NearTree {
                 let buffer = match name.as_str() {
                     "cull_box" => Some(&build.cull),
                     "ranges" => Some(&build.ranges),
-                    "vertices" => Some(&scene.vertices),
-                    "indices" => Some(&scene.indices),
+                    "vertices" => Some(&scene.surfaces.vertices),
+                    "indices" => Some(&scene.surfaces.indices),
                     name => workspace.bound(name, sort_pass),
                 };
                 let Some(buffer) = buffer else {
@@ -325,7 +325,7 @@ impl NearTree {
                     resource: buffer.as_entire_binding(),
                 });
             }
-            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
                 label: None,
                 layout: &kernel.layout,
                 entries: &entries,

@@ -2,29 +2,21 @@
 
 use crate::{
     Gpu, HybridError, ObjectFacts, Settings,
-    atlas::Atlas,
-    layout::{FrameUniform, GpuMaterial, MovedObject, Vertex},
-    slot::Slot,
+    layout::{FrameUniform, MovedObject},
 };
-use glam::{Vec2, Vec3};
 use niwaki_core::to_u32;
+use niwaki_gpu_frame::{Surfaces, Vertex, diagonal};
 use niwaki_scene::{Animation, ObjectPose, Scene, SceneFacts, ScenePose, animation::Influence};
 use std::ops::Range;
 use wgpu::BufferUsages;
 
-/// The most materials that a pixel of a G-buffer can name.
-const MOST_MATERIALS: u64 = 1 << 16;
-
 /// Triangles, materials and textures on the GPU, and the objects of the scene on the CPU.
 pub(crate) struct GpuScene {
-    /// Vertices as they stand in this frame.
-    pub(crate) vertices: wgpu::Buffer,
-    pub(crate) indices: wgpu::Buffer,
+    /// Vertices stand in them as in this frame.
+    pub(crate) surfaces: Surfaces,
     /// What dynamic objects are made from; only with such.
     rest: Option<Rest>,
-    materials: wgpu::Buffer,
     frame: wgpu::Buffer,
-    pub(crate) layout: wgpu::BindGroupLayout,
     pub(crate) group: wgpu::BindGroup,
     pub(crate) facts: SceneFacts,
     /// Of the bounds of the scene at rest.
@@ -85,70 +77,16 @@ impl GpuScene {
         let objects = ObjectFacts::of(scene, &facts);
         let vertex_ranges: Vec<_> =
             scene.objects_or_whole().iter().map(|o| o.vertices.clone()).collect();
-        let vertices: Vec<Vertex> = (0..scene.mesh.positions().len())
-            .map(|i| {
-                let uv = scene.uvs.get(i).copied().filter(|v| v.is_finite()).unwrap_or(Vec2::ZERO);
-                let normal =
-                    scene.normals.get(i).copied().filter(|n| n.is_finite()).unwrap_or(Vec3::ZERO);
-                Vertex { position: scene.mesh.positions()[i], u: uv.x, normal, v: uv.y }
-            })
-            .collect();
-        if scene.materials.len() as u64 > MOST_MATERIALS {
-            return Err(HybridError::TooLarge {
-                what: "the list of materials".into(),
-                wanted: scene.materials.len() as u64,
-                limit: MOST_MATERIALS,
-                remedy: "merge materials that are equal",
-            });
-        }
-        let count = scene.materials.len();
-        let ids: Vec<u32> = (0..scene.mesh.len())
-            .map(|i| scene.material_ids.get(i).copied().filter(|&id| (id as usize) < count))
-            .map(|id| id.unwrap_or(0))
-            .collect();
-        let atlas = Atlas::new(gpu, &scene.textures)?;
-        let storage = BufferUsages::STORAGE;
-        let indices: &[u32] = bytemuck::cast_slice(scene.mesh.indices());
+        let vertices = Surfaces::vertices_of(scene);
         let dynamic = objects.iter().any(|o| o.dynamic);
         let rest = if dynamic { Some(Rest::new(gpu, scene, &vertices)?) } else { None };
-        let vertices = gpu.upload("vertices", &vertices, storage | BufferUsages::VERTEX)?;
-        let indices = gpu.upload("indices", indices, storage | BufferUsages::INDEX)?;
-        let ids = gpu.upload("material numbers", &ids, storage)?;
-        let materials =
-            gpu.buffer("materials", (count.max(1) * size_of::<GpuMaterial>()) as u64, storage)?;
-        let infos = gpu.upload("texture places", &atlas.infos, storage)?;
+        let surfaces = Surfaces::new(gpu, scene, &vertices)?;
         let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, BufferUsages::UNIFORM)?;
-        let layout = gpu.layout(
-            "scene",
-            &[
-                Slot::Uniform,
-                Slot::Read,
-                Slot::Read,
-                Slot::Read,
-                Slot::Read,
-                Slot::Read,
-                Slot::COLOR_ARRAY,
-            ],
-        );
-        let group = gpu.bind(
-            &layout,
-            &[
-                frame.as_entire_binding(),
-                vertices.as_entire_binding(),
-                indices.as_entire_binding(),
-                ids.as_entire_binding(),
-                materials.as_entire_binding(),
-                infos.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&atlas.view),
-            ],
-        );
+        let group = surfaces.group(gpu, &frame);
         let uploaded = Self {
-            vertices,
-            indices,
+            surfaces,
             rest,
-            materials,
             frame,
-            layout,
             group,
             facts,
             diagonal: diagonal(scene),
@@ -171,17 +109,17 @@ impl GpuScene {
     }
 
     fn write_materials(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) {
-        let materials: Vec<GpuMaterial> = scene
-            .materials
-            .iter()
-            .zip(&self.facts.materials)
-            .map(|(m, f)| GpuMaterial::new(m, f, settings, self.diagonal, scene.textures.len()))
-            .collect();
-        gpu.queue.write_buffer(&self.materials, 0, bytemuck::cast_slice(&materials));
+        self.surfaces.write_materials(
+            gpu,
+            scene,
+            &self.facts,
+            settings.thickness,
+            settings.look_through,
+        );
     }
 
     pub(crate) fn write_frame(&self, gpu: &Gpu, frame: &FrameUniform) {
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+        gpu.queue().write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
     }
 
     /// The facts of the objects in this pose of the scene; `last` is that of the frame before.
@@ -235,19 +173,6 @@ impl GpuScene {
     pub(crate) fn triangles(&self) -> u32 {
         to_u32(self.facts.triangles)
     }
-}
-
-/// The diagonal of the scene's bounds at rest; 1 without any.
-fn diagonal(scene: &Scene) -> f32 {
-    let bounds = scene.mesh.bounds();
-    let diagonal = if bounds.is_empty() {
-        1.0
-    } else {
-        (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length().min(1e30)
-    };
-    #[expect(clippy::cast_possible_truncation, reason = "at most 1e30")]
-    let diagonal = diagonal as f32;
-    diagonal
 }
 
 /// True if object `i` is not as it was.

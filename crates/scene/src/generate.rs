@@ -25,10 +25,11 @@ mod random;
 mod rooms;
 mod shade;
 mod stadium;
+mod study;
 
 use crate::Scene;
 
-/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`], then [`TOURS`].
+/// The scenes that [`generate`] makes: [`SHAPES`], then [`EFFECTS`], [`TOURS`] and [`STUDIES`].
 pub const NAMES: &[&str] = &[
     "dragon",
     "hair",
@@ -44,6 +45,8 @@ pub const NAMES: &[&str] = &[
     "one_mirror",
     "fairy",
     "cabin",
+    "serpents",
+    "tessellated",
 ];
 
 /// Scenes that differ in how their triangles lie, for comparing builders. Nothing moves, and there
@@ -56,7 +59,11 @@ pub const EFFECTS: &[&str] = NAMES.split_at(7).1.split_at(5).0;
 
 /// Scenes for renderers that keep a frame time, after those of Ganestam and Doggett 2012: with shading
 /// normals and a camera path of 100 frames, along which cost changes. Nothing moves.
-pub const TOURS: &[&str] = NAMES.split_at(12).1;
+pub const TOURS: &[&str] = NAMES.split_at(12).1.split_at(2).0;
+
+/// The scenes of the raster case studies: with shading normals and a camera path of 200 frames, and
+/// nothing moves, reflects or refracts.
+pub const STUDIES: &[&str] = NAMES.split_at(14).1;
 
 /// What a scene holds, in a line for a help text; `None` for an unknown name.
 #[must_use]
@@ -76,12 +83,16 @@ pub fn describe(name: &str) -> Option<&'static str> {
         "one_mirror" => "the plain room with one small mirror",
         "fairy" => "winged figures and toadstools on a forest floor",
         "cabin" => "a log cabin beside a large, detailed tree",
+        "serpents" => "the atrium with five dragons (724,337 triangles in the paper)",
+        "tessellated" => "hills with balls, rings and a knot (396,000 triangles in the paper)",
         _ => return None,
     })
 }
 
 /// Makes a scene of about `triangles` triangles (within 5 % from 1,000 on), or `None` for an
 /// unknown name.
+///
+/// `serpents` keeps to it from 1,500 on: its building and dragons have 1,250 at least.
 ///
 /// Scenes of many figures have fewer of them where the request is small: `chess` has all 288 from
 /// 60,000 triangles on.
@@ -104,6 +115,8 @@ pub fn generate(name: &str, triangles: usize, seed: u64) -> Option<Scene> {
         "one_mirror" => rooms::plan(triangles, seed, true),
         "fairy" => fairy::plan(triangles, seed),
         "cabin" => cabin::plan(triangles, seed),
+        "serpents" => study::serpents(triangles, seed),
+        "tessellated" => study::tessellated(triangles, seed),
         _ => return None,
     };
     Some(plan.into_scene(name))

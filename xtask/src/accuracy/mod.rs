@@ -5,6 +5,7 @@ mod hybrid;
 mod kernels;
 mod page;
 mod scatter;
+mod shadows;
 mod variants;
 
 use crate::bench::builds::{self, CONSTANTS};
@@ -31,10 +32,11 @@ const LCV_RAYS: usize = 20_000;
 pub(crate) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
     match args.suite {
         Suite::Hybrid => return hybrid::run(args),
+        Suite::Shadows => return shadows::run(args),
         Suite::Builders | Suite::Kernels => {}
     }
     if args.size.is_some() || args.frames.is_some() {
-        bail!("--size and --frames are of the suite hybrid, which draws pictures");
+        bail!("--size and --frames are of the suites hybrid and shadows, which draw pictures");
     }
     match args.suite {
         Suite::Kernels => kernels::run(args),

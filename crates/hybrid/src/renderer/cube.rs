@@ -52,7 +52,7 @@ impl HybridRenderer {
         views: &Views,
         drawn: &[Face],
     ) -> Result<(), HybridError> {
-        let layout = &self.uploaded.layout;
+        let layout = &self.uploaded.surfaces.layout;
         let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Face, scenery.variant)?;
         for face in drawn {
             let i = face.index();
@@ -72,7 +72,7 @@ impl HybridRenderer {
         views: &Views,
         drawn: &[Face],
     ) -> Result<(), HybridError> {
-        let layout = &self.uploaded.layout;
+        let layout = &self.uploaded.surfaces.layout;
         let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Second, scenery.variant)?;
         recorder.stage(Stage::Effect(Effect::SecondLayer), |encoder| {
             let mut draws = 0;

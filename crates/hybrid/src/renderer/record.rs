@@ -2,88 +2,25 @@
 
 use super::{HybridRenderer, Scenery};
 use crate::{
-    Effect, Face, FrameReport, Gpu, HybridError, Region,
-    layout::ViewMatrix,
+    Effect, Face, FrameReport, HybridError, Region,
     pipelines::Target,
     report::{Stage, StageReport},
     targets::Screen,
     tree::NearInput,
-    views::{camera_view, may_show},
 };
 use glam::{Mat4, Vec3};
+use niwaki_gpu_frame::{ViewMatrix, camera_view, may_show};
 use std::{ops::Range, time::Duration};
 use wgpu::BufferUsages;
 
 /// Bytes from one view to the next: what every device can bind.
 const VIEW_STRIDE: u32 = 256;
 
-/// Commands with their timing.
-pub(super) struct Recorder<'a> {
-    gpu: &'a Gpu,
-    encoder: wgpu::CommandEncoder,
-    queries: Option<wgpu::QuerySet>,
-    stages: Vec<StageReport>,
-}
-
 /// Most stages of a frame.
 const MOST_STAGES: u32 = 32;
 
-impl<'a> Recorder<'a> {
-    fn new(gpu: &'a Gpu) -> Self {
-        let queries = gpu.has_timestamps().then(|| {
-            gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-                label: Some("stages"),
-                ty: wgpu::QueryType::Timestamp,
-                count: 2 * MOST_STAGES,
-            })
-        });
-        let encoder = gpu.device.create_command_encoder(&Default::default());
-        Self { gpu, encoder, queries, stages: Vec::new() }
-    }
-
-    /// Records a stage; `work` returns how many draws and dispatches it recorded.
-    pub(super) fn stage(
-        &mut self,
-        stage: Stage,
-        work: impl FnOnce(&mut wgpu::CommandEncoder) -> [u32; 2],
-    ) {
-        let index = 2 * niwaki_core::to_u32(self.stages.len());
-        if let Some(queries) = &self.queries {
-            self.encoder.write_timestamp(queries, index);
-        }
-        let [draws, dispatches] = work(&mut self.encoder);
-        if let Some(queries) = &self.queries {
-            self.encoder.write_timestamp(queries, index + 1);
-        }
-        self.stages.push(StageReport { stage, draws, dispatches, gpu_time: None });
-    }
-
-    /// Submits everything, waits and reads the times.
-    fn finish(mut self) -> Result<Vec<StageReport>, HybridError> {
-        let count = 2 * self.stages.len();
-        let resolved = match &self.queries {
-            Some(queries) if count > 0 => {
-                let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
-                let buffer = self.gpu.buffer("times", 8 * count as u64, usage)?;
-                let range = 0..niwaki_core::to_u32(count);
-                self.encoder.resolve_query_set(queries, range, &buffer, 0);
-                Some(buffer)
-            }
-            _ => None,
-        };
-        self.gpu.queue.submit([self.encoder.finish()]);
-        self.gpu.wait()?;
-        if let Some(buffer) = resolved {
-            let ticks: Vec<u64> = self.gpu.read(&buffer, count)?;
-            let period = f64::from(self.gpu.queue.get_timestamp_period());
-            for (stage, pair) in self.stages.iter_mut().zip(ticks.chunks_exact(2)) {
-                let nanoseconds = pair[1].saturating_sub(pair[0]) as f64 * period;
-                stage.gpu_time = Some(Duration::from_secs_f64(nanoseconds * 1e-9));
-            }
-        }
-        Ok(self.stages)
-    }
-}
+/// Commands with their timing.
+pub(super) type Recorder<'a> = niwaki_gpu_frame::Recorder<'a, Stage>;
 
 /// Views in one buffer, bound by offset.
 pub(super) struct Views {
@@ -110,7 +47,7 @@ impl HybridRenderer {
         let gpu = self.gpu.clone();
         self.uploaded.write_frame(&gpu, &self.uniform(scenery));
         let views = self.views(scenery)?;
-        let mut recorder = Recorder::new(&gpu);
+        let mut recorder = Recorder::new(&gpu, MOST_STAGES);
 
         if plan.runs(Effect::Deformation) {
             self.deform(&mut recorder, scenery)?;
@@ -124,7 +61,7 @@ impl HybridRenderer {
             self.build_tree(&mut recorder, scenery)?;
         }
         self.shade_and_trace(&mut recorder, scenery)?;
-        let stages = recorder.finish()?;
+        let stages = recorder.finish()?.into_iter().map(StageReport::from).collect();
         if plan.runs(Effect::NearRegion) {
             self.tree.check(&gpu)?;
         }
@@ -180,7 +117,7 @@ impl HybridRenderer {
             &[
                 objects.as_entire_binding(),
                 rest.vertices.as_entire_binding(),
-                self.uploaded.vertices.as_entire_binding(),
+                self.uploaded.surfaces.vertices.as_entire_binding(),
                 rest.influences.as_entire_binding(),
                 joints.as_entire_binding(),
             ],
@@ -258,8 +195,8 @@ impl HybridRenderer {
         if let Some(inputs) = r.inputs {
             pass.set_bind_group(2, inputs, &[]);
         }
-        pass.set_vertex_buffer(0, self.uploaded.vertices.slice(..));
-        pass.set_index_buffer(self.uploaded.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.set_vertex_buffer(0, self.uploaded.surfaces.vertices.slice(..));
+        pass.set_index_buffer(self.uploaded.surfaces.indices.slice(..), wgpu::IndexFormat::Uint32);
         for range in r.draws {
             // The number of the instance tells the shader which triangle is the draw's first.
             let instance = range.start..range.start + 1;
@@ -275,7 +212,7 @@ impl HybridRenderer {
         views: &Views,
     ) -> Result<(), HybridError> {
         let variant = scenery.variant;
-        let layout = &self.uploaded.layout;
+        let layout = &self.uploaded.surfaces.layout;
         let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Shadow, variant)?;
         recorder.stage(Stage::Effect(Effect::ShadowMaps), |encoder| {
             let mut draws = 0;
@@ -309,7 +246,7 @@ impl HybridRenderer {
         views: &Views,
     ) -> Result<(), HybridError> {
         let variant = scenery.variant;
-        let layout = &self.uploaded.layout;
+        let layout = &self.uploaded.surfaces.layout;
         let pipeline = self.pipelines.raster(&self.gpu, layout, Target::Primary, variant)?;
         let Some(screen) = &self.screen else { return Ok(()) };
         let runs = scenery.plan.runs(Effect::PrimaryView);
@@ -330,7 +267,7 @@ impl HybridRenderer {
             });
         } else {
             // Nothing is drawn, but the images of the last frame must go.
-            self.raster(&mut recorder.encoder, views, &raster);
+            self.raster(recorder.encoder(), views, &raster);
         }
         Ok(())
     }
@@ -399,7 +336,7 @@ impl HybridRenderer {
         recorder: &mut Recorder<'_>,
         scenery: &Scenery,
     ) -> Result<(), HybridError> {
-        let layout = &self.uploaded.layout;
+        let layout = &self.uploaded.surfaces.layout;
         let variant = scenery.variant;
         let primary = self.pipelines.primary(&self.gpu, layout, variant)?;
         let tracing = if variant.follow {
@@ -416,8 +353,8 @@ impl HybridRenderer {
             &self.pipelines.size_layout,
             &[screen.pixels.as_entire_binding(), screen.args.as_entire_binding()],
         );
-        recorder.encoder.clear_buffer(&screen.counters, 0, None);
-        recorder.encoder.clear_buffer(&screen.pixels, 0, Some(4));
+        recorder.encoder().clear_buffer(&screen.counters, 0, None);
+        recorder.encoder().clear_buffer(&screen.pixels, 0, Some(4));
         let [width, height] = scenery.size;
         recorder.stage(Stage::PrimaryShading, |encoder| {
             let mut pass = encoder.begin_compute_pass(&Default::default());

@@ -2,7 +2,7 @@
 
 /// What a binding holds and which stages see it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Slot {
+pub enum Slot {
     /// A uniform buffer, for all stages.
     Uniform,
     /// A uniform buffer with an offset given at the draw, for all stages.
@@ -13,26 +13,36 @@ pub(crate) enum Slot {
     Write,
     /// A texture that is read by pixel, in fragment and compute shaders.
     Texture(wgpu::TextureSampleType, wgpu::TextureViewDimension),
+    /// How a texture of depths is compared with, in fragment shaders.
+    ComparingSampler,
+    /// How a texture is filtered, in fragment shaders.
+    FilteringSampler,
     /// A texture array that compute shaders write.
     Storage(wgpu::TextureFormat),
 }
 
 impl Slot {
-    pub(crate) const UINT: Self =
+    /// Numbers a pixel.
+    pub const UINT: Self =
         Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2);
-    pub(crate) const UINT_ARRAY: Self =
+    /// Numbers a pixel, in layers.
+    pub const UINT_ARRAY: Self =
         Self::Texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array);
-    pub(crate) const DEPTH: Self =
+    /// A depth buffer.
+    pub const DEPTH: Self =
         Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2);
-    pub(crate) const DEPTH_ARRAY: Self =
+    /// Depth buffers in layers.
+    pub const DEPTH_ARRAY: Self =
         Self::Texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array);
-    pub(crate) const COLOR_ARRAY: Self = Self::Texture(
+    /// Colours in layers, read by pixel.
+    pub const COLOR_ARRAY: Self = Self::Texture(
         wgpu::TextureSampleType::Float { filterable: false },
         wgpu::TextureViewDimension::D2Array,
     );
 
     /// Its entry in a layout.
-    pub(crate) fn entry(self, binding: u32) -> wgpu::BindGroupLayoutEntry {
+    #[must_use]
+    pub fn entry(self, binding: u32) -> wgpu::BindGroupLayoutEntry {
         use wgpu::{BindingType, BufferBindingType, ShaderStages};
         let buffer = |ty, has_dynamic_offset| BindingType::Buffer {
             ty,
@@ -52,6 +62,12 @@ impl Slot {
                 ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
                 BindingType::Texture { sample_type, view_dimension, multisampled: false },
             ),
+            Self::ComparingSampler => {
+                (ShaderStages::FRAGMENT, BindingType::Sampler(wgpu::SamplerBindingType::Comparison))
+            }
+            Self::FilteringSampler => {
+                (ShaderStages::FRAGMENT, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
+            }
             Self::Storage(format) => (
                 ShaderStages::COMPUTE,
                 BindingType::StorageTexture {

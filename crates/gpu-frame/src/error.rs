@@ -3,7 +3,7 @@
 /// Why a frame was not rendered. A scene without triangles or an image without pixels is no error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum HybridError {
+pub enum FrameError {
     /// There is no Vulkan device. Remedy: install a driver (Mesa's lavapipe runs on any CPU), or
     /// render with the integrators of `niwaki-render`.
     #[error(

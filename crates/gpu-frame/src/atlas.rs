@@ -1,6 +1,6 @@
 //! All textures of a scene in the layers of one array, so that kernels can read any of them.
 
-use crate::{Gpu, HybridError, layout::TextureInfo};
+use crate::{FrameError, Gpu, layout::TextureInfo};
 use niwaki_core::to_u32;
 use niwaki_scene::{Texture, Wrap};
 use std::collections::HashMap;
@@ -52,7 +52,7 @@ const fn wrap_number(wrap: Wrap) -> u32 {
 }
 
 impl Atlas {
-    pub(crate) fn new(gpu: &Gpu, textures: &[Texture]) -> Result<Self, HybridError> {
+    pub(crate) fn new(gpu: &Gpu, textures: &[Texture]) -> Result<Self, FrameError> {
         // Textures that show one image in several ways share it.
         let mut images: HashMap<*const [u8; 4], usize> = HashMap::new();
         let mut firsts: Vec<&Texture> = Vec::new();
@@ -71,7 +71,7 @@ impl Atlas {
         let side = if sizes.is_empty() {
             1
         } else {
-            longest.max(LAYER.min(gpu.limits.max_texture_dimension_2d))
+            longest.max(LAYER.min(gpu.limits().max_texture_dimension_2d))
         };
         let packing = pack(&sizes, side);
         let texture = gpu.texture(
@@ -97,7 +97,7 @@ impl Atlas {
                 height: image.height(),
                 depth_or_array_layers: 1,
             };
-            gpu.queue.write_texture(target, bytemuck::cast_slice(image.pixels()), layout, size);
+            gpu.queue().write_texture(target, bytemuck::cast_slice(image.pixels()), layout, size);
         }
         let mut infos: Vec<TextureInfo> = textures
             .iter()

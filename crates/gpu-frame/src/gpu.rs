@@ -1,8 +1,12 @@
 //! The device: its choice, its limits and its faults, and short ways to make what passes are made
 //! of.
 
-use crate::{HybridError, pipelines::Pipelines, slot::Slot, tree::TreeKernels};
-use std::sync::{Arc, Mutex, PoisonError};
+use crate::{FrameError, Slot};
+use std::{
+    any::{Any, TypeId},
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 /// Environment variable that picks a device by number or by a part of its name.
 pub const DEVICE_VARIABLE: &str = "NIWAKI_VULKAN_DEVICE";
@@ -13,22 +17,19 @@ pub const DEVICE_VARIABLE: &str = "NIWAKI_VULKAN_DEVICE";
 /// `NIWAKI_VULKAN_DEVICE` picks another by its number or a part of its name.
 #[derive(Clone, Debug)]
 pub struct Gpu {
-    pub(crate) device: wgpu::Device,
-    pub(crate) queue: wgpu::Queue,
-    pub(crate) limits: wgpu::Limits,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    limits: wgpu::Limits,
     adapter: wgpu::Adapter,
     name: String,
     timestamps: bool,
-    fault: Arc<Mutex<Option<HybridError>>>,
+    fault: Arc<Mutex<Option<FrameError>>>,
     compiled: Arc<Mutex<Compiled>>,
 }
 
-/// Kernels that are compiled once a device, however many renderers use it.
+/// What is compiled once a device, however many renderers use it, by its type.
 #[derive(Default)]
-struct Compiled {
-    pipelines: Option<Arc<Pipelines>>,
-    tree: Option<Arc<TreeKernels>>,
-}
+struct Compiled(HashMap<TypeId, Arc<dyn Any + Send + Sync>>);
 
 impl std::fmt::Debug for Compiled {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -37,12 +38,18 @@ impl std::fmt::Debug for Compiled {
 }
 
 impl Gpu {
+    /// What is turned on where the device has it; renderers that cannot do without ask
+    /// [`Gpu::require`].
+    pub const OPTIONAL: wgpu::Features = wgpu::Features::DEPTH32FLOAT_STENCIL8
+        .union(wgpu::Features::FLOAT32_FILTERABLE)
+        .union(wgpu::Features::FLOAT32_BLENDABLE);
+
     /// Opens the device.
     ///
     /// # Errors
-    /// [`HybridError::NoAdapter`], [`HybridError::UnknownAdapter`], [`HybridError::Unsupported`]
-    /// and [`HybridError::Open`].
-    pub fn new() -> Result<Self, HybridError> {
+    /// [`FrameError::NoAdapter`], [`FrameError::UnknownAdapter`], [`FrameError::Unsupported`]
+    /// and [`FrameError::Open`].
+    pub fn new() -> Result<Self, FrameError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
         Self::open(choose(&wgpu::Instance::new(descriptor), None)?)
@@ -56,11 +63,11 @@ impl Gpu {
     pub fn with_surface(
         instance: &wgpu::Instance,
         surface: &wgpu::Surface<'_>,
-    ) -> Result<Self, HybridError> {
+    ) -> Result<Self, FrameError> {
         Self::open(choose(instance, Some(surface))?)
     }
 
-    fn open(adapter: wgpu::Adapter) -> Result<Self, HybridError> {
+    fn open(adapter: wgpu::Adapter) -> Result<Self, FrameError> {
         let name = adapter.get_info().name;
         let needed = wgpu::Features::PRIMITIVE_INDEX;
         let timers =
@@ -68,7 +75,7 @@ impl Gpu {
         let offered = adapter.features();
         if !offered.contains(needed) {
             let missing = String::from("the number of a triangle in fragment shaders");
-            return Err(HybridError::Unsupported { device: name, missing });
+            return Err(FrameError::Unsupported { device: name, missing });
         }
         let limits = adapter.limits();
         for (what, has, least) in [
@@ -77,18 +84,20 @@ impl Gpu {
         ] {
             if has < least {
                 let missing = format!("{what}: it has {has}, {least} are needed");
-                return Err(HybridError::Unsupported { device: name, missing });
+                return Err(FrameError::Unsupported { device: name, missing });
             }
         }
         let timestamps = offered.contains(timers);
-        let required_features = if timestamps { needed | timers } else { needed };
+        let optional = Self::OPTIONAL & offered;
+        let required_features =
+            needed | optional | if timestamps { timers } else { wgpu::Features::empty() };
         let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("niwaki"),
             required_features,
             required_limits: limits.clone(),
             ..wgpu::DeviceDescriptor::default()
         }));
-        let (device, queue) = opened.map_err(|e| HybridError::Open(e.to_string()))?;
+        let (device, queue) = opened.map_err(|e| FrameError::Open(e.to_string()))?;
         let fault = Arc::new(Mutex::new(None));
         let seen = Arc::clone(&fault);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
@@ -96,17 +105,17 @@ impl Gpu {
                 &seen,
                 match error {
                     wgpu::Error::OutOfMemory { source } => {
-                        HybridError::OutOfMemory(source.to_string())
+                        FrameError::OutOfMemory(source.to_string())
                     }
                     wgpu::Error::Validation { description, .. }
-                    | wgpu::Error::Internal { description, .. } => HybridError::Gpu(description),
+                    | wgpu::Error::Internal { description, .. } => FrameError::Gpu(description),
                 },
             );
         }));
         let seen = Arc::clone(&fault);
         device.set_device_lost_callback(move |reason, message| {
             // A device that is dropped is "lost" too, but then nobody asks.
-            note(&seen, HybridError::DeviceLost(format!("{reason:?} {message}")));
+            note(&seen, FrameError::DeviceLost(format!("{reason:?} {message}")));
         });
         let compiled = Arc::default();
         Ok(Self { device, queue, limits, adapter, name, timestamps, fault, compiled })
@@ -118,8 +127,7 @@ impl Gpu {
         &self.adapter
     }
 
-    /// The device, for passes of one's own over the renderer's image
-    /// ([`HybridRenderer::output`](crate::HybridRenderer::output)).
+    /// The device, for passes of one's own.
     #[must_use]
     pub const fn device(&self) -> &wgpu::Device {
         &self.device
@@ -137,6 +145,12 @@ impl Gpu {
         &self.name
     }
 
+    /// The device's limits.
+    #[must_use]
+    pub const fn limits(&self) -> &wgpu::Limits {
+        &self.limits
+    }
+
     /// True if passes can be timed.
     #[must_use]
     pub const fn has_timestamps(&self) -> bool {
@@ -144,71 +158,89 @@ impl Gpu {
     }
 
     /// Gives the device up, as if it had been removed: what uses it returns
-    /// [`HybridError::DeviceLost`] from then on.
+    /// [`FrameError::DeviceLost`] from then on.
     pub fn destroy(&self) {
-        note(&self.fault, HybridError::DeviceLost("it was given up".into()));
+        note(&self.fault, FrameError::DeviceLost("it was given up".into()));
         self.device.destroy();
     }
 
-    /// The pipelines of views and rays.
-    pub(crate) fn pipelines(&self) -> Result<Arc<Pipelines>, HybridError> {
+    /// What every user of the device shares of a type, made by the first that asks for it:
+    /// modules and pipelines, mostly.
+    ///
+    /// # Errors
+    /// What `make` returns; then nothing is kept.
+    pub fn shared<T: Any + Send + Sync>(
+        &self,
+        make: impl FnOnce(&Self) -> Result<T, FrameError>,
+    ) -> Result<Arc<T>, FrameError> {
         let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipelines) = &compiled.pipelines {
-            return Ok(Arc::clone(pipelines));
+        let there = compiled.0.get(&TypeId::of::<T>()).cloned();
+        if let Some(Ok(there)) = there.map(Arc::downcast::<T>) {
+            return Ok(there);
         }
-        let pipelines = Arc::new(Pipelines::new(self)?);
-        compiled.pipelines = Some(Arc::clone(&pipelines));
-        Ok(pipelines)
+        let made = Arc::new(make(self)?);
+        compiled.0.insert(TypeId::of::<T>(), made.clone());
+        Ok(made)
     }
 
-    /// The kernels that build trees.
-    pub(crate) fn tree_kernels(&self) -> Result<Arc<TreeKernels>, HybridError> {
-        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernels) = &compiled.tree {
-            return Ok(Arc::clone(kernels));
+    /// Refuses devices without these features; `what` says for what they are needed.
+    ///
+    /// # Errors
+    /// [`FrameError::Unsupported`].
+    pub fn require(&self, features: wgpu::Features, what: &str) -> Result<(), FrameError> {
+        if self.device.features().contains(features) {
+            return Ok(());
         }
-        let kernels = Arc::new(TreeKernels::new(self)?);
-        compiled.tree = Some(Arc::clone(&kernels));
-        Ok(kernels)
+        let missing = format!("{what} ({:?})", features - self.device.features());
+        Err(FrameError::Unsupported { device: self.name.clone(), missing })
     }
 
     /// The first fault since the device was opened. A lost device stays lost; other faults are
     /// reported once.
-    pub(crate) fn check(&self) -> Result<(), HybridError> {
+    ///
+    /// # Errors
+    /// The fault.
+    pub fn check(&self) -> Result<(), FrameError> {
         let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         match &*fault {
             None => Ok(()),
-            Some(lost @ HybridError::DeviceLost(_)) => Err(lost.clone()),
+            Some(lost @ FrameError::DeviceLost(_)) => Err(lost.clone()),
             Some(_) => fault.take().map_or(Ok(()), Err),
         }
     }
 
     /// Waits for all work that was submitted.
-    pub(crate) fn wait(&self) -> Result<(), HybridError> {
+    ///
+    /// # Errors
+    /// [`FrameError::DeviceLost`], and faults of the work.
+    pub fn wait(&self) -> Result<(), FrameError> {
         let polled = self.device.poll(wgpu::PollType::Wait {
             submission_index: None,
             // A frame on a software driver may take minutes; a stuck device takes for ever.
             timeout: Some(std::time::Duration::from_secs(600)),
         });
         self.check()?;
-        polled.map(|_| ()).map_err(|e| HybridError::DeviceLost(e.to_string()))
+        polled.map(|_| ()).map_err(|e| FrameError::DeviceLost(e.to_string()))
     }
 
     /// A buffer of at least `size` bytes, and at least one element of whatever it holds, as kernels
     /// cannot bind less.
-    pub(crate) fn buffer(
+    ///
+    /// # Errors
+    /// [`FrameError::TooLarge`] and [`FrameError::OutOfMemory`].
+    pub fn buffer(
         &self,
         label: &str,
         size: u64,
         usage: wgpu::BufferUsages,
-    ) -> Result<wgpu::Buffer, HybridError> {
+    ) -> Result<wgpu::Buffer, FrameError> {
         let size = size.max(256).next_multiple_of(16);
         let mut limit = self.limits.max_buffer_size;
         if usage.contains(wgpu::BufferUsages::STORAGE) {
             limit = limit.min(self.limits.max_storage_buffer_binding_size);
         }
         if size > limit {
-            return Err(HybridError::TooLarge {
+            return Err(FrameError::TooLarge {
                 what: format!("the buffer of {label}"),
                 wanted: size,
                 limit,
@@ -228,12 +260,15 @@ impl Gpu {
     }
 
     /// A buffer that holds `data`.
-    pub(crate) fn upload<T: bytemuck::Pod>(
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn upload<T: bytemuck::Pod>(
         &self,
         label: &str,
         data: &[T],
         usage: wgpu::BufferUsages,
-    ) -> Result<wgpu::Buffer, HybridError> {
+    ) -> Result<wgpu::Buffer, FrameError> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let buffer = self.buffer(label, bytes.len() as u64, usage)?;
         self.queue.write_buffer(&buffer, 0, bytes);
@@ -241,29 +276,35 @@ impl Gpu {
     }
 
     /// A texture of `layers` layers that can be bound and, unless it holds an upload, drawn to.
-    pub(crate) fn texture(
+    ///
+    /// # Errors
+    /// [`FrameError::TooLarge`] and [`FrameError::OutOfMemory`].
+    pub fn texture(
         &self,
         label: &str,
         size: [u32; 3],
         format: wgpu::TextureFormat,
         usage: wgpu::TextureUsages,
-    ) -> Result<wgpu::Texture, HybridError> {
+    ) -> Result<wgpu::Texture, FrameError> {
         self.mipped_texture(label, size, 1, format, usage)
     }
 
     /// A texture as [`Gpu::texture`] with this many mip levels.
-    pub(crate) fn mipped_texture(
+    ///
+    /// # Errors
+    /// As [`Gpu::texture`].
+    pub fn mipped_texture(
         &self,
         label: &str,
         size: [u32; 3],
         levels: u32,
         format: wgpu::TextureFormat,
         usage: wgpu::TextureUsages,
-    ) -> Result<wgpu::Texture, HybridError> {
+    ) -> Result<wgpu::Texture, FrameError> {
         let [width, height, layers] = size.map(|n| n.max(1));
         self.fits(label, width.max(height))?;
         if layers > self.limits.max_texture_array_layers {
-            return Err(HybridError::TooLarge {
+            return Err(FrameError::TooLarge {
                 what: format!("the layers of {label}"),
                 wanted: layers.into(),
                 limit: self.limits.max_texture_array_layers.into(),
@@ -285,12 +326,15 @@ impl Gpu {
     }
 
     /// Refuses images with a side longer than the device allows.
-    pub(crate) fn fits(&self, what: &str, side: u32) -> Result<(), HybridError> {
+    ///
+    /// # Errors
+    /// [`FrameError::TooLarge`].
+    pub fn fits(&self, what: &str, side: u32) -> Result<(), FrameError> {
         let limit = self.limits.max_texture_dimension_2d;
         if side <= limit {
             return Ok(());
         }
-        Err(HybridError::TooLarge {
+        Err(FrameError::TooLarge {
             what: what.into(),
             wanted: side.into(),
             limit: limit.into(),
@@ -299,11 +343,10 @@ impl Gpu {
     }
 
     /// Compiles a module; faults name it.
-    pub(crate) fn module(
-        &self,
-        name: &str,
-        source: String,
-    ) -> Result<wgpu::ShaderModule, HybridError> {
+    ///
+    /// # Errors
+    /// [`FrameError::Shader`].
+    pub fn module(&self, name: &str, source: String) -> Result<wgpu::ShaderModule, FrameError> {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let descriptor = wgpu::ShaderModuleDescriptor {
             label: Some(name),
@@ -313,13 +356,14 @@ impl Gpu {
         match pollster::block_on(scope.pop()) {
             None => Ok(module),
             Some(error) => {
-                Err(HybridError::Shader { module: name.into(), message: error.to_string() })
+                Err(FrameError::Shader { module: name.into(), message: error.to_string() })
             }
         }
     }
 
     /// The layout of a bind group, bindings numbered in order.
-    pub(crate) fn layout(&self, label: &str, slots: &[Slot]) -> wgpu::BindGroupLayout {
+    #[must_use]
+    pub fn layout(&self, label: &str, slots: &[Slot]) -> wgpu::BindGroupLayout {
         let entries: Vec<_> = (0..).zip(slots).map(|(i, slot)| slot.entry(i)).collect();
         self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(label),
@@ -328,7 +372,8 @@ impl Gpu {
     }
 
     /// A bind group with these resources, in order.
-    pub(crate) fn bind(
+    #[must_use]
+    pub fn bind(
         &self,
         layout: &wgpu::BindGroupLayout,
         resources: &[wgpu::BindingResource<'_>],
@@ -345,13 +390,16 @@ impl Gpu {
     }
 
     /// A compute pipeline.
-    pub(crate) fn compute(
+    ///
+    /// # Errors
+    /// [`FrameError::Gpu`].
+    pub fn compute(
         &self,
         module: &wgpu::ShaderModule,
         entry: &str,
         layouts: &[&wgpu::BindGroupLayout],
         constants: &[(&str, f64)],
-    ) -> Result<wgpu::ComputePipeline, HybridError> {
+    ) -> Result<wgpu::ComputePipeline, FrameError> {
         let layout = self.pipeline_layout(layouts);
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(entry),
@@ -368,10 +416,9 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    pub(crate) fn pipeline_layout(
-        &self,
-        layouts: &[&wgpu::BindGroupLayout],
-    ) -> wgpu::PipelineLayout {
+    /// The layout of a pipeline that takes groups of these layouts, in order.
+    #[must_use]
+    pub fn pipeline_layout(&self, layouts: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
         let layouts: Vec<_> = layouts.iter().map(|l| Some(*l)).collect();
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
@@ -380,12 +427,55 @@ impl Gpu {
         })
     }
 
+    /// Copies the first layer and level of a texture to the CPU, rows from the top and without
+    /// gaps, and waits for it. A pixel of the copied aspect must have the size of `T`.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`] and [`Gpu::wait`].
+    pub fn read_texture<T: bytemuck::Pod>(
+        &self,
+        texture: &wgpu::Texture,
+        aspect: wgpu::TextureAspect,
+    ) -> Result<Vec<T>, FrameError> {
+        let (width, height) = (texture.width(), texture.height());
+        let row = width as usize * size_of::<T>();
+        let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
+        let bytes = padded * height as usize;
+        let buffer =
+            self.buffer("copy of a texture", bytes as u64, wgpu::BufferUsages::COPY_SRC)?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d::ZERO,
+                aspect,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(niwaki_core::to_u32(padded)),
+                    rows_per_image: Some(height),
+                },
+            },
+            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        );
+        self.queue.submit([encoder.finish()]);
+        let all: Vec<u8> = self.read(&buffer, bytes)?;
+        let rows = all.chunks_exact(padded.max(1)).flat_map(|r| r.split_at(row).0);
+        Ok(bytemuck::pod_collect_to_vec(&rows.copied().collect::<Vec<u8>>()))
+    }
+
     /// Copies a buffer to the CPU and waits for it.
-    pub(crate) fn read<T: bytemuck::Pod>(
+    ///
+    /// # Errors
+    /// As [`Gpu::wait`].
+    pub fn read<T: bytemuck::Pod>(
         &self,
         buffer: &wgpu::Buffer,
         count: usize,
-    ) -> Result<Vec<T>, HybridError> {
+    ) -> Result<Vec<T>, FrameError> {
         if count == 0 {
             return Ok(Vec::new());
         }
@@ -404,16 +494,16 @@ impl Gpu {
         let mapped = staging
             .slice(..)
             .get_mapped_range()
-            .map_err(|e| HybridError::DeviceLost(e.to_string()))?;
+            .map_err(|e| FrameError::DeviceLost(e.to_string()))?;
         let (bytes, _) = mapped.split_at(count * size_of::<T>());
         Ok(bytemuck::pod_collect_to_vec(bytes))
     }
 }
 
 /// Keeps the first fault, but lets the loss of the device replace any other.
-fn note(fault: &Mutex<Option<HybridError>>, error: HybridError) {
+fn note(fault: &Mutex<Option<FrameError>>, error: FrameError) {
     let mut fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
-    if fault.is_none() || matches!(error, HybridError::DeviceLost(_)) {
+    if fault.is_none() || matches!(error, FrameError::DeviceLost(_)) {
         *fault = Some(error);
     }
 }
@@ -421,14 +511,14 @@ fn note(fault: &Mutex<Option<HybridError>>, error: HybridError) {
 fn choose(
     instance: &wgpu::Instance,
     surface: Option<&wgpu::Surface<'_>>,
-) -> Result<wgpu::Adapter, HybridError> {
+) -> Result<wgpu::Adapter, FrameError> {
     let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
     if adapters.is_empty() {
-        return Err(HybridError::NoAdapter("the Vulkan loader lists none".into()));
+        return Err(FrameError::NoAdapter("the Vulkan loader lists none".into()));
     }
     adapters.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
     if adapters.is_empty() {
-        return Err(HybridError::NoAdapter("none can draw on this window".into()));
+        return Err(FrameError::NoAdapter("none can draw on this window".into()));
     }
     let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     let position = match std::env::var(DEVICE_VARIABLE) {
@@ -436,10 +526,9 @@ fn choose(
             let by_number = wanted.parse().ok().filter(|&i: &usize| i < adapters.len());
             let low = wanted.to_lowercase();
             let by_name = || names.iter().position(|name| name.to_lowercase().contains(&low));
-            by_number.or_else(by_name).ok_or_else(|| HybridError::UnknownAdapter {
-                wanted,
-                available: names.join(", "),
-            })?
+            by_number
+                .or_else(by_name)
+                .ok_or_else(|| FrameError::UnknownAdapter { wanted, available: names.join(", ") })?
         }
         _ => {
             let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
@@ -453,5 +542,5 @@ fn choose(
         }
     };
     let chosen = adapters.into_iter().nth(position);
-    chosen.ok_or_else(|| HybridError::NoAdapter("the list changed".into()))
+    chosen.ok_or_else(|| FrameError::NoAdapter("the list changed".into()))
 }

@@ -1,0 +1,147 @@
+//! Idle gaps within and between frames.
+
+use super::meter::FrameEnergy;
+use super::spans::Spans;
+use crate::PowerBlock;
+use serde::{Deserialize, Serialize};
+
+/// Where a gap is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GapPlace {
+    /// Within the work of a frame, such as between the lights of shadow mapping (the paper's figure 7).
+    Inside,
+    /// Between the end of a frame's work and the next frame (the paper's figure 3).
+    Between,
+}
+
+/// A stretch of idle power.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IdleGap {
+    /// The frame that it is in or after.
+    pub frame: u64,
+    /// Where.
+    pub place: GapPlace,
+    /// Start in nanoseconds of the trace.
+    pub start_ns: i64,
+    /// Length in nanoseconds.
+    pub length_ns: i64,
+}
+
+/// Samples whose mean is compared with the limit.
+const WIDTH: usize = 4;
+/// Gaps that are kept; times per frame go on.
+const MAX_GAPS: usize = 1 << 16;
+
+/// Finds stretches of idle power.
+pub(crate) struct GapFinder<'a> {
+    spans: &'a Spans,
+    limit: f32,
+    least_ns: i64,
+    start: Option<i64>,
+    last: i64,
+    recent: [f32; WIDTH],
+    filled: usize,
+    gaps: Vec<IdleGap>,
+    /// Idle nanoseconds of each span: inside, between.
+    idle: Vec<(f64, f64)>,
+    first_open: usize,
+}
+
+impl<'a> GapFinder<'a> {
+    /// Gaps are at least `least_ns` long.
+    pub(crate) fn new(spans: &'a Spans, limit_w: f64, least_ns: i64) -> Self {
+        Self {
+            spans,
+            #[expect(clippy::cast_possible_truncation, reason = "watts of a device")]
+            limit: limit_w as f32,
+            least_ns,
+            start: None,
+            last: 0,
+            recent: [0.0; WIDTH],
+            filled: 0,
+            gaps: Vec::new(),
+            idle: vec![(0.0, 0.0); spans.list.len()],
+            first_open: 0,
+        }
+    }
+
+    pub(crate) fn push(&mut self, block: &PowerBlock) {
+        if block.follows_hole {
+            self.close();
+            self.filled = 0;
+        }
+        for (&time, &watts) in block.times_ns.iter().zip(&block.watts) {
+            self.recent[self.filled % WIDTH] = watts;
+            self.filled += 1;
+            // A single noisy sample neither starts nor ends a gap.
+            let is_low = watts < self.limit
+                && (self.filled < WIDTH
+                    || self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit)
+                || (self.start.is_some()
+                    && self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit);
+            if is_low {
+                self.start.get_or_insert(time);
+            } else if self.start.is_some() {
+                self.close();
+            }
+            self.last = time;
+        }
+    }
+
+    fn close(&mut self) {
+        let Some(start) = self.start.take() else { return };
+        let end = self.last;
+        if end - start < self.least_ns {
+            return;
+        }
+        let (from, to) = (start as f64, end as f64);
+        while self.spans.list.get(self.first_open).is_some_and(|span| span.end < from) {
+            self.first_open += 1;
+        }
+        for at in self.first_open..self.spans.list.len() {
+            let span = self.spans.list[at];
+            if span.start > to {
+                break;
+            }
+            let inside = to.min(span.busy_end) - from.max(span.start);
+            let between = to.min(span.end) - from.max(span.busy_end);
+            for (length, place) in [(inside, GapPlace::Inside), (between, GapPlace::Between)] {
+                // What reaches over a border by less than a gap belongs to the other side.
+                if length < self.least_ns as f64 {
+                    continue;
+                }
+                let begin = match place {
+                    GapPlace::Inside => {
+                        self.idle[at].0 += length;
+                        from.max(span.start)
+                    }
+                    GapPlace::Between => {
+                        self.idle[at].1 += length;
+                        from.max(span.busy_end)
+                    }
+                };
+                if self.gaps.len() < MAX_GAPS {
+                    #[expect(clippy::cast_possible_truncation, reason = "times of the trace")]
+                    self.gaps.push(IdleGap {
+                        frame: span.frame,
+                        place,
+                        start_ns: begin as i64,
+                        length_ns: length as i64,
+                    });
+                }
+            }
+        }
+    }
+
+    /// The gaps; the times of each frame are put into `frames`.
+    pub(crate) fn finish(mut self, frames: &mut [FrameEnergy]) -> Vec<IdleGap> {
+        self.close();
+        for (frame, (inside, between)) in frames.iter_mut().zip(&self.idle) {
+            let n = f64::from(frame.frames.max(1));
+            frame.idle_inside_s = 1e-9 * inside / n;
+            frame.idle_between_s = 1e-9 * between / n;
+        }
+        self.gaps
+    }
+}

@@ -1,0 +1,166 @@
+//! What power looks like within a frame: on average, and of single frames.
+
+use super::spans::Spans;
+use crate::PowerBlock;
+use serde::Serialize;
+
+/// Parts of a frame.
+const PARTS: usize = 256;
+/// Samples of one waveform that are kept.
+const MAX_SAMPLES: usize = 1 << 17;
+
+/// The average course of power within the frames of a group.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Signature {
+    /// Which of [`crate::Analysis::groups`].
+    pub group: usize,
+    /// Mean power in each of 256 equal parts of a frame's time, in watts; NaN where no sample fell.
+    pub mean_w: Vec<f64>,
+    /// Standard deviation over samples in each part.
+    pub deviation_w: Vec<f64>,
+    /// Mean share of a frame's time after which its work was done.
+    pub busy_share: f64,
+    /// Mean time of a frame in seconds.
+    pub frame_s: f64,
+    /// Frames that were averaged.
+    pub frames: usize,
+}
+
+/// Samples of a stretch of time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Waveform {
+    /// Which of [`crate::Analysis::groups`].
+    pub group: usize,
+    /// Number of the frame that it shows, or that is in its middle.
+    pub frame: u64,
+    /// Times in seconds from the start of that frame.
+    pub times_s: Vec<f64>,
+    /// Power as measured, in watts.
+    pub watts: Vec<f64>,
+    /// The same after a zero-phase low-pass filter.
+    pub smooth_w: Vec<f64>,
+    /// Starts and ends of work of the frames that are shown, in seconds.
+    pub frames_s: Vec<(f64, f64)>,
+}
+
+/// Averages signatures.
+pub(crate) struct Signatures<'a> {
+    spans: &'a Spans,
+    sums: Vec<Vec<(f64, f64, u32)>>,
+    at: usize,
+}
+
+impl<'a> Signatures<'a> {
+    pub(crate) fn new(spans: &'a Spans) -> Self {
+        Self { spans, sums: vec![vec![(0.0, 0.0, 0); PARTS]; spans.groups.len()], at: 0 }
+    }
+
+    pub(crate) fn push(&mut self, block: &PowerBlock) {
+        let times = &block.times_ns;
+        let mut row = 0;
+        while let (Some(span), true) = (self.spans.list.get(self.at), row < times.len()) {
+            row += times[row..].partition_point(|&t| (t as f64) < span.start);
+            let end = row + times[row..].partition_point(|&t| (t as f64) < span.end);
+            let scale = PARTS as f64 / (span.end - span.start);
+            let sums = &mut self.sums[span.group];
+            for (&time, &watts) in times[row..end].iter().zip(&block.watts[row..end]) {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "0 to 256"
+                )]
+                let part = ((time as f64 - span.start) * scale) as usize;
+                let (sum, squares, count) = &mut sums[part.min(PARTS - 1)];
+                let watts = f64::from(watts);
+                *sum += watts;
+                *squares += watts * watts;
+                *count += 1;
+            }
+            row = end;
+            if end < times.len() {
+                self.at += 1;
+            }
+        }
+    }
+
+    pub(crate) fn finish(self) -> Vec<Signature> {
+        let of = |(group, sums): (usize, Vec<(f64, f64, u32)>)| {
+            let members = || self.spans.list.iter().filter(|s| s.group == group);
+            let frames = members().count();
+            let n = frames.max(1) as f64;
+            let share = |s: &super::spans::Span| (s.busy_end - s.start) / (s.end - s.start);
+            let means = sums.iter().map(|(sum, _, n)| sum / f64::from(*n));
+            let spread = |(sum, squares, count): &(f64, f64, u32)| {
+                let n = f64::from(*count);
+                ((squares - sum * sum / n) / (n - 1.0)).max(0.0).sqrt()
+            };
+            Signature {
+                group,
+                mean_w: means.collect(),
+                deviation_w: sums.iter().map(spread).collect(),
+                busy_share: members().map(share).sum::<f64>() / n,
+                frame_s: members().map(|s| 1e-9 * (s.end - s.start)).sum::<f64>() / n,
+                frames,
+            }
+        };
+        self.sums.into_iter().enumerate().map(of).filter(|s| s.frames > 0).collect()
+    }
+}
+
+/// Keeps samples of chosen stretches.
+pub(crate) struct Captures {
+    /// Bounds, origin, and what is kept.
+    wanted: Vec<(i64, i64, f64, Waveform)>,
+}
+
+impl Captures {
+    pub(crate) const fn new() -> Self {
+        Self { wanted: Vec::new() }
+    }
+
+    /// Asks for the frames `first..=last` of the list, with `margin` of their time before and after.
+    pub(crate) fn add(
+        &mut self,
+        spans: &Spans,
+        first: usize,
+        shown: usize,
+        last: usize,
+        margin: f64,
+    ) {
+        let (a, b) = (spans.list[first].start, spans.list[last].end);
+        let margin = margin * (b - a);
+        let origin = spans.list[shown].start;
+        let frames = spans.list[first..=last].iter();
+        let waveform = Waveform {
+            group: spans.list[shown].group,
+            frame: spans.list[shown].frame,
+            frames_s: frames
+                .map(|s| (1e-9 * (s.start - origin), 1e-9 * (s.busy_end - origin)))
+                .collect(),
+            ..Waveform::default()
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "times of the trace")]
+        self.wanted.push(((a - margin) as i64, (b + margin) as i64, origin, waveform));
+    }
+
+    pub(crate) fn push(&mut self, block: &PowerBlock) {
+        let times = &block.times_ns;
+        let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return };
+        for (from, to, origin, waveform) in &mut self.wanted {
+            if *to < first || *from > last {
+                continue;
+            }
+            let start = times.partition_point(|t| t < from);
+            let end = times.partition_point(|t| t <= to);
+            let room = MAX_SAMPLES.saturating_sub(waveform.watts.len());
+            for row in (start..end).take(room) {
+                waveform.times_s.push(1e-9 * (times[row] as f64 - *origin));
+                waveform.watts.push(f64::from(block.watts[row]));
+            }
+        }
+    }
+
+    pub(crate) fn finish(self) -> Vec<Waveform> {
+        self.wanted.into_iter().map(|(.., waveform)| waveform).collect()
+    }
+}
