@@ -14,6 +14,8 @@ pub mod generator;
 #[cfg(feature = "analysis")]
 mod rails;
 #[cfg(feature = "analysis")]
+mod source;
+#[cfg(feature = "analysis")]
 mod stats;
 #[cfg(feature = "analysis")]
 mod survey;
@@ -48,6 +50,10 @@ pub use frames::{
 };
 #[cfg(feature = "analysis")]
 pub use rails::{Calibration, Rail, RailKind, Voltage, rails_by_name};
+#[cfg(feature = "nvml")]
+pub use source::NvmlMeter;
+#[cfg(feature = "analysis")]
+pub use source::{Meter, RaplMeter, Recorder, RecorderOptions, find_meters};
 #[cfg(feature = "analysis")]
 pub use stats::{Statistic, statistic, student};
 #[cfg(feature = "analysis")]
