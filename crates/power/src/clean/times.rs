@@ -178,10 +178,13 @@ impl Times {
                     flag(quality, Fault::OutOfOrder, last, last);
                 }
                 if is_stray {
-                    pending = label;
-                    continue;
-                }
-                if displaced > 0 {
+                    let Some(middle) = self.between(last, later[0].saturating_add(shift)) else {
+                        pending = label;
+                        continue;
+                    };
+                    work.times_ns[at] = middle - shift;
+                    time = middle;
+                } else if displaced > 0 {
                     let reach = later.iter().rposition(before).map_or(at, |r| at + 1 + r);
                     sort_rows(&mut work, at, reach);
                     time = work.times_ns[at] + self.shift;
@@ -202,15 +205,20 @@ impl Times {
                     quality.at(Fault::OutOfOrder).count += 1;
                     quality.at(Fault::OutOfOrder).repaired += 1;
                     flag(quality, Fault::OutOfOrder, last, last);
-                    pending = label;
-                    continue;
+                    let next = work.times_ns.get(at + 1).map(|t| t.saturating_add(self.shift));
+                    let Some(middle) = next.and_then(|next| self.between(last, next)) else {
+                        pending = label;
+                        continue;
+                    };
+                    work.times_ns[at] = middle - self.shift;
+                } else {
+                    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+                    let next = last + (self.period_ns as i64).max(1);
+                    self.shift += next - time;
+                    quality.at(Fault::ClockStep).count += 1;
+                    quality.at(Fault::ClockStep).repaired += 1;
+                    flag(quality, Fault::ClockStep, last, next);
                 }
-                #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-                let next = last + (self.period_ns as i64).max(1);
-                self.shift += next - time;
-                quality.at(Fault::ClockStep).count += 1;
-                quality.at(Fault::ClockStep).repaired += 1;
-                flag(quality, Fault::ClockStep, last, next);
             }
             self.accept_after(&mut rows, &work, at, label, last, quality);
         }
@@ -223,6 +231,13 @@ impl Times {
             }
         }
         rows
+    }
+
+    /// The place of one row between two others that are two steps apart.
+    fn between(&self, last: i64, next: i64) -> Option<i64> {
+        let step = next.saturating_sub(last);
+        let is_two = step as f64 > 1.5 * self.period_ns && step <= self.gap_ns + self.gap_ns;
+        is_two.then_some(last + step / 2)
     }
 
     fn accept(&mut self, rows: &mut Rows, work: &Block, at: usize, label: Option<u8>) {
