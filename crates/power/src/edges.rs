@@ -81,7 +81,8 @@ impl EdgeFinder {
         let watts = &self.watts;
         let threshold = *self.threshold.get_or_insert_with(|| Self::noise(watts).max(1e-6));
         let step_at = |at: usize| -> f64 {
-            let sum = |from: usize| watts[from..from + WIDTH].iter().map(|w| f64::from(*w)).sum::<f64>();
+            let sum =
+                |from: usize| watts[from..from + WIDTH].iter().map(|w| f64::from(*w)).sum::<f64>();
             (sum(at) - sum(at - WIDTH)) / WIDTH as f64
         };
         // The difference slides along: one sample enters, one changes sides, one leaves.

@@ -28,9 +28,6 @@ mod clock;
 mod error;
 mod frame_log;
 
-pub use clock::{CLOCK, Clock, now_ns};
-pub use error::PowerError;
-pub use frame_log::{FRAME_LOG_VERSION, FrameLog, FrameLogHeader, FrameRecord, PassTime};
 #[cfg(feature = "analysis")]
 pub use analysis::{
     Analysis, AnalysisOptions, Eq2, GroupResult, IdlePolicy, IdleResult, PowerState, Spike, analyze,
@@ -40,10 +37,13 @@ pub use clean::{
     CleanOptions, CleanStream, Cleaner, Fault, FaultCount, Flag, Mark, PowerBlock, PowerStream,
     Quality, RailTotal,
 };
+pub use clock::{CLOCK, Clock, now_ns};
 #[cfg(feature = "analysis")]
 pub use edges::Edge;
+pub use error::PowerError;
 #[cfg(feature = "analysis")]
 pub use filter::{Butterworth, Decimated, Decimator, Section, ZeroPhase};
+pub use frame_log::{FRAME_LOG_VERSION, FrameLog, FrameLogHeader, FrameRecord, PassTime};
 #[cfg(feature = "analysis")]
 pub use frames::{
     FrameEnergy, GapPlace, IdleGap, Segmentation, SensorVerdict, Signature, Waveform,
@@ -53,7 +53,9 @@ pub use rails::{Calibration, Rail, RailKind, Voltage, rails_by_name};
 #[cfg(feature = "nvml")]
 pub use source::NvmlMeter;
 #[cfg(feature = "analysis")]
-pub use source::{Meter, RaplMeter, Recorder, RecorderOptions, find_meters};
+pub use source::{
+    JoinedMeter, Meter, RaplMeter, Recorder, RecorderOptions, RecorderStopper, find_meters,
+};
 #[cfg(feature = "analysis")]
 pub use stats::{Statistic, statistic, student};
 #[cfg(feature = "analysis")]

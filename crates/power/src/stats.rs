@@ -77,7 +77,8 @@ fn beta(a: f64, b: f64, x: f64) -> f64 {
 
 fn beta_fraction(a: f64, b: f64, x: f64) -> f64 {
     const TINY: f64 = 1e-300;
-    let front = (ln_gamma(a + b) - ln_gamma(a) - ln_gamma(b) + a * x.ln() + b * (1.0 - x).ln()).exp();
+    let front =
+        (ln_gamma(a + b) - ln_gamma(a) - ln_gamma(b) + a * x.ln() + b * (1.0 - x).ln()).exp();
     let off_zero = |v: f64| if v.abs() < TINY { TINY } else { v };
     let mut c = 1.0;
     let mut d = 1.0 / off_zero(1.0 - (a + b) * x / (a + 1.0));
@@ -196,7 +197,13 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(7);
         let free: Vec<_> = (0..2000).map(|_| random.f64()).collect();
         let mut last = 0.5;
-        let chained: Vec<_> = free.iter().map(|x| { last = 0.9 * last + 0.1 * x; last }).collect();
+        let chained: Vec<_> = free
+            .iter()
+            .map(|x| {
+                last = 0.9 * last + 0.1 * x;
+                last
+            })
+            .collect();
         let (a, b) = (statistic(&free, 0.95), statistic(&chained, 0.95));
         assert!((a.half_width / (1.96 * a.deviation / 2000f64.sqrt()) - 1.0).abs() < 0.1);
         assert!(b.half_width > 3.0 * 1.96 * b.deviation / 2000f64.sqrt());
@@ -206,10 +213,13 @@ mod tests {
     fn steps_are_found_and_slopes_are_not() {
         let mut random = fastrand::Rng::with_seed(3);
         let mut noisy = |level: f64| level + random.f64() - 0.5;
-        let steps: Vec<_> = (0..300).map(|i| noisy(if (100..200).contains(&i) { 250.0 } else { 170.0 })).collect();
+        let steps: Vec<_> =
+            (0..300).map(|i| noisy(if (100..200).contains(&i) { 250.0 } else { 170.0 })).collect();
         assert_eq!(level_changes(&steps, 0.05, 5), [100, 200]);
         let slope: Vec<_> = (0..300).map(|i| noisy(200.0 + 0.1 * f64::from(i))).collect();
         assert!(level_changes(&slope, 0.05, 5).is_empty());
-        assert!(level_changes(&[], 0.05, 5).is_empty() && level_changes(&[1.0], 0.05, 0).is_empty());
+        assert!(
+            level_changes(&[], 0.05, 5).is_empty() && level_changes(&[1.0], 0.05, 0).is_empty()
+        );
     }
 }

@@ -205,8 +205,11 @@ impl Spread {
         loop {
             let class = (watts - self.low) / self.width;
             if class >= 0.0 && class < CLASSES as f64 {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss,
-                         reason = "in range")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "in range"
+                )]
                 let class = class as usize;
                 self.counts[class] += 1;
                 return;

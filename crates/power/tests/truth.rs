@@ -1,9 +1,7 @@
 //! What is recovered from recordings whose truth is known.
 
 use niwaki_power::generator::{FaultPlan, MarkPolicy, Recording, RecordingOptions};
-use niwaki_power::{
-    Analysis, AnalysisOptions, ClockMap, Fault, FrameLog, SyncMethod, analyze,
-};
+use niwaki_power::{Analysis, AnalysisOptions, ClockMap, Fault, FrameLog, SyncMethod, analyze};
 
 const SAMPLE_NS: f64 = 25_000.0;
 
@@ -33,7 +31,13 @@ fn boundaries(analysis: &Analysis, recording: &Recording) -> (f64, f64) {
 fn check_energy(analysis: &Analysis, recording: &Recording) {
     for (group, truth) in analysis.groups.iter().zip(&recording.truth().nj_per_pixel) {
         let error = group.energy.mean_nj_per_pixel / truth - 1.0;
-        println!("{} {}: {:.2} nJ/pixel, {:+.4} %", group.algorithm, group.lights, truth, 100.0 * error);
+        println!(
+            "{} {}: {:.2} nJ/pixel, {:+.4} %",
+            group.algorithm,
+            group.lights,
+            truth,
+            100.0 * error
+        );
         assert!(error.abs() < 0.005, "{} {}: {error}", group.algorithm, group.lights);
         assert_eq!(group.incomplete, 0);
     }
@@ -123,11 +127,7 @@ fn marks_alone_make_frames() {
 #[test]
 fn every_fault_is_counted_and_does_little_harm() {
     let mut options = longer(16, MarkPolicy::Every(1));
-    options.faults = FaultPlan {
-        lost_marks: 5,
-        false_marks: 5,
-        ..FaultPlan::of_each(6)
-    };
+    options.faults = FaultPlan { lost_marks: 5, false_marks: 5, ..FaultPlan::of_each(6) };
     let recording = Recording::new(&options).unwrap();
     let analysis = run(&recording, Some(&recording.log()), SyncMethod::Correlation);
     let truth = recording.truth();
@@ -143,12 +143,17 @@ fn every_fault_is_counted_and_does_little_harm() {
     assert_eq!(found(Fault::Clipped), 40 * put_in(Fault::Clipped));
     let rails: u64 = analysis.quality.rails.iter().map(|r| r.clipped).sum();
     assert_eq!(rails, found(Fault::Clipped));
-    assert!(analysis.quality.flags.windows(2).all(|p| p[0].from_ns <= p[1].from_ns + 1_000_000_000));
+    assert!(
+        analysis.quality.flags.windows(2).all(|p| p[0].from_ns <= p[1].from_ns + 1_000_000_000)
+    );
 
     // Frames say which of their samples are not what was there; all others have their energy.
     let spoilt = |f: &&niwaki_power::FrameEnergy| f.is_incomplete || f.is_clipped;
     let holes = analysis.frames.iter().filter(|f| f.is_incomplete).count();
     assert!((6..=60).contains(&holes), "{holes}");
-    assert!(analysis.frames.iter().any(|f| f.is_clipped) && analysis.frames.iter().any(|f| f.is_repaired));
+    assert!(
+        analysis.frames.iter().any(|f| f.is_clipped)
+            && analysis.frames.iter().any(|f| f.is_repaired)
+    );
     assert!(analysis.frames.iter().filter(spoilt).count() < analysis.frames.len() / 10);
 }

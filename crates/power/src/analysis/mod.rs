@@ -2,9 +2,7 @@
 
 mod report;
 
-pub use report::{
-    Analysis, Eq2, GroupResult, IdleResult, PowerState, Spike,
-};
+pub use report::{Analysis, Eq2, GroupResult, IdleResult, PowerState, Spike};
 
 use crate::clean::{CleanOptions, CleanStream, PowerBlock, PowerStream};
 use crate::filter::{Decimated, Decimator};
@@ -251,12 +249,16 @@ impl<'a> Second<'a> {
     ) -> Result<Self, PowerError> {
         let rows = survey.measured_s * 1e9 / period_ns.max(1.0);
         let factor = (rows / options.overview_points.max(16) as f64).clamp(1.0, 1e6);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to a million")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "1 to a million"
+        )]
         let factor = factor as usize;
         #[expect(clippy::cast_possible_truncation, reason = "a time below a trace's")]
         let least_gap = (options.least_gap_s * 1e9).max(4.0 * period_ns) as i64;
-        let is_by_frame =
-            matches!(spans.segmentation, Segmentation::Log | Segmentation::Marks) && frame_ns.is_some();
+        let is_by_frame = matches!(spans.segmentation, Segmentation::Log | Segmentation::Marks)
+            && frame_ns.is_some();
         let (mut singles, mut delays) = (Captures::new(), Captures::new());
         if is_by_frame {
             for group in 0..spans.groups.len() {

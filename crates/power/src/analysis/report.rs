@@ -171,8 +171,8 @@ pub(super) fn assemble(parts: Parts<'_>) -> Analysis {
     let groups = (0..spans.groups.len())
         .map(|group| group_result(spans, group, &found.frames, parts.options.confidence))
         .collect();
-    let is_by_frame = spans.segmentation == Segmentation::Log
-        || spans.segmentation == Segmentation::Marks;
+    let is_by_frame =
+        spans.segmentation == Segmentation::Log || spans.segmentation == Segmentation::Marks;
     Analysis {
         info: parts.info,
         rails: parts.rails,
@@ -278,8 +278,7 @@ fn spikes(frames: &[FrameEnergy]) -> Vec<Spike> {
 /// Changes within stretches of the same work; that other work takes other power is no change of state.
 fn states(frames: &[FrameEnergy]) -> Vec<PowerState> {
     let mut found = Vec::new();
-    let good: Vec<_> =
-        frames.iter().enumerate().filter(|(_, f)| !f.is_incomplete).collect();
+    let good: Vec<_> = frames.iter().enumerate().filter(|(_, f)| !f.is_incomplete).collect();
     for run in good.chunk_by(|a, b| a.1.group == b.1.group) {
         let power: Vec<_> = run.iter().map(|(_, f)| f.busy_w).collect();
         let changes = level_changes(&power, STATE_CHANGE, STATE_FRAMES);

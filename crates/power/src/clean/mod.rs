@@ -95,7 +95,8 @@ impl Cleaner {
             return Err(PowerError::Header("the rate must be a positive number".into()));
         }
         let wired = wire(rails, &info.columns)?;
-        let totals = rails.iter().map(|r| RailTotal { name: r.name.clone(), ..RailTotal::default() });
+        let totals =
+            rails.iter().map(|r| RailTotal { name: r.name.clone(), ..RailTotal::default() });
         Ok(Self {
             times: Times::new(info.rate_hz, options.bridge_s * 1e9),
             tail: Rows { block: Block::with_columns(info.columns.len()), ..Rows::default() },
@@ -279,11 +280,8 @@ impl Cleaner {
                 continue;
             }
             let limit = holes.peek().copied().unwrap_or(n);
-            let end = if has_bad {
-                (row..limit).find(|&r| is_bad(r)).unwrap_or(limit)
-            } else {
-                limit
-            };
+            let end =
+                if has_bad { (row..limit).find(|&r| is_bad(r)).unwrap_or(limit) } else { limit };
             let mut power = PowerBlock {
                 times_ns: times[row..end].to_vec(),
                 #[expect(clippy::cast_possible_truncation, reason = "24 bits exceed any sensor's")]
@@ -324,11 +322,8 @@ fn split_off(rows: &mut Rows, at: usize) -> Rows {
     let first = rows.holes.partition_point(|&row| row < at);
     let mut holes = rows.holes.split_off(first);
     holes.iter_mut().for_each(|row| *row -= at);
-    let is_synthetic = if rows.is_synthetic.len() > at {
-        rows.is_synthetic.split_off(at)
-    } else {
-        Vec::new()
-    };
+    let is_synthetic =
+        if rows.is_synthetic.len() > at { rows.is_synthetic.split_off(at) } else { Vec::new() };
     Rows { block, is_synthetic, holes }
 }
 

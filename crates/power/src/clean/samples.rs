@@ -104,7 +104,14 @@ impl Cleaner {
                     (None, false) => from = Some(row),
                     (Some(start), true) => {
                         let recorded = (start..row).filter(|&r| !rows.is_synthetic(r)).count();
-                        runs.push(Run { column, from: start, to: row, recorded, limit, is_counter });
+                        runs.push(Run {
+                            column,
+                            from: start,
+                            to: row,
+                            recorded,
+                            limit,
+                            is_counter,
+                        });
                         from = None;
                     }
                     _ => {}
@@ -115,8 +122,11 @@ impl Cleaner {
             match rail.kind {
                 WiredKind::Energy => {
                     let rows = self.options.counter_s * 1e9 / self.times.period_ns.max(1.0);
-                    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss,
-                             reason = "saturates")]
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "saturates"
+                    )]
                     add(rail.main, (rows as usize).max(4), true);
                 }
                 WiredKind::Voltage(column, _) => {
@@ -134,13 +144,10 @@ impl Cleaner {
         let n = rows.block.len();
         let crosses_hole = rows.holes.iter().any(|&hole| (run.from..=run.to).contains(&hole));
         let channel = &mut rows.block.channels[run.column];
-        let before =
-            if run.from > 0 { channel[run.from - 1] } else { self.last_good[run.column] };
+        let before = if run.from > 0 { channel[run.from - 1] } else { self.last_good[run.column] };
         let after = channel.get(run.to).copied().unwrap_or(f64::NAN);
-        let can_mend = run.recorded <= run.limit
-            && !crosses_hole
-            && before.is_finite()
-            && after.is_finite();
+        let can_mend =
+            run.recorded <= run.limit && !crosses_hole && before.is_finite() && after.is_finite();
         let times = &rows.block.times_ns;
         let (from_ns, to_ns) = (times[run.from], times[run.to - 1]);
         if !run.is_counter && run.recorded > 0 {

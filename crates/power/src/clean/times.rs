@@ -147,8 +147,7 @@ impl Times {
     }
 
     fn slow(&mut self, mut work: Block, is_last: bool, quality: &mut Quality) -> Rows {
-        let mut rows =
-            Rows { block: Block::with_columns(work.channels.len()), ..Rows::default() };
+        let mut rows = Rows { block: Block::with_columns(work.channels.len()), ..Rows::default() };
         let end = if is_last { work.len() } else { work.len().saturating_sub(LOOK_AHEAD) };
         let marks = std::mem::take(&mut work.marks);
         let mut marks = marks.into_iter().peekable();
@@ -165,7 +164,8 @@ impl Times {
             if time.saturating_sub(last) > self.gap_ns {
                 let later = &work.times_ns[ahead.clone()];
                 let shift = self.shift;
-                let before = |t: &i64| t.saturating_add(shift) < time && t.saturating_add(shift) > last;
+                let before =
+                    |t: &i64| t.saturating_add(shift) < time && t.saturating_add(shift) > last;
                 let displaced = later.iter().filter(|t| before(t)).count();
                 // All that follows goes on where the last row was: this time alone is wrong.
                 let is_stray = displaced == later.len()
@@ -275,8 +275,11 @@ impl Times {
         } else {
             let missing = (step as f64 / self.period_ns).round() - 1.0;
             if missing <= self.bridge_rows {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss,
-                         reason = "a few rows, at least one")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a few rows, at least one"
+                )]
                 let missing = missing.max(1.0) as usize;
                 rows.is_synthetic.resize(rows.block.len(), false);
                 for put_in in 1..=missing {

@@ -86,13 +86,7 @@ impl Decimator {
         self.advance(&[], &[], true, out);
     }
 
-    fn advance(
-        &mut self,
-        times: &[i64],
-        watts: &[f64],
-        is_last: bool,
-        out: &mut Decimated,
-    ) {
+    fn advance(&mut self, times: &[i64], watts: &[f64], is_last: bool, out: &mut Decimated) {
         let (mut times, mut watts) = (times.to_vec(), watts.to_vec());
         for stage in &mut self.stages {
             stage.times.extend_from_slice(&times);

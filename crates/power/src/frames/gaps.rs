@@ -20,6 +20,8 @@ pub enum GapPlace {
 pub struct IdleGap {
     /// The frame that it is in or after.
     pub frame: u64,
+    /// Which of [`crate::Analysis::groups`] that frame belongs to.
+    pub group: usize,
     /// Where.
     pub place: GapPlace,
     /// Start in nanoseconds of the trace.
@@ -76,7 +78,8 @@ impl<'a> GapFinder<'a> {
             self.filled += 1;
             // A single noisy sample neither starts nor ends a gap.
             let is_low = watts < self.limit
-                && (self.filled < WIDTH || self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit)
+                && (self.filled < WIDTH
+                    || self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit)
                 || (self.start.is_some()
                     && self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit);
             if is_low {
@@ -124,6 +127,7 @@ impl<'a> GapFinder<'a> {
                     #[expect(clippy::cast_possible_truncation, reason = "times of the trace")]
                     self.gaps.push(IdleGap {
                         frame: span.frame,
+                        group: span.group,
                         place,
                         start_ns: begin as i64,
                         length_ns: length as i64,

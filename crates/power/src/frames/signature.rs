@@ -64,8 +64,11 @@ impl<'a> Signatures<'a> {
             let scale = PARTS as f64 / (span.end - span.start);
             let sums = &mut self.sums[span.group];
             for (&time, &watts) in times[row..end].iter().zip(&block.watts[row..end]) {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss,
-                         reason = "0 to 256")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "0 to 256"
+                )]
                 let part = ((time as f64 - span.start) * scale) as usize;
                 let (sum, squares, count) = &mut sums[part.min(PARTS - 1)];
                 let watts = f64::from(watts);
@@ -116,7 +119,14 @@ impl Captures {
     }
 
     /// Asks for the frames `first..=last` of the list, with `margin` of their time before and after.
-    pub(crate) fn add(&mut self, spans: &Spans, first: usize, shown: usize, last: usize, margin: f64) {
+    pub(crate) fn add(
+        &mut self,
+        spans: &Spans,
+        first: usize,
+        shown: usize,
+        last: usize,
+        margin: f64,
+    ) {
         let (a, b) = (spans.list[first].start, spans.list[last].end);
         let margin = margin * (b - a);
         let origin = spans.list[shown].start;

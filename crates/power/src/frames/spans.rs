@@ -95,7 +95,8 @@ impl Spans {
                 before.end = if is_same_run { start } else { before.busy_end };
                 before.end = before.end.max(before.start);
             }
-            let span = Span { frame: frame.frame, frames: 1, group, start, busy_end, end: busy_end };
+            let span =
+                Span { frame: frame.frame, frames: 1, group, start, busy_end, end: busy_end };
             list.push(span);
         }
         list.retain(|span| span.end > span.start);
@@ -209,7 +210,11 @@ impl Spans {
 }
 
 /// Compares the time of frames with the sensor's.
-pub(crate) fn judge_sensor(quality: &Quality, note: &SensorNote, frame_ns: Option<f64>) -> SensorVerdict {
+pub(crate) fn judge_sensor(
+    quality: &Quality,
+    note: &SensorNote,
+    frame_ns: Option<f64>,
+) -> SensorVerdict {
     let declared = note.refresh_s.unwrap_or(0.0) * 1e9;
     let refresh = quality.refresh_ns.max(quality.period_ns).max(declared);
     let is_too_slow = frame_ns.is_some_and(|frame| frame < LEAST_READINGS * refresh);

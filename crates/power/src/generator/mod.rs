@@ -163,8 +163,8 @@ impl RecordingOptions {
             ("aux3", 12.0, 0.21, 12.0),
             ("aux4", 12.0, 0.2, 12.0),
         ];
-        let rails = rails
-            .map(|(name, volts, share, full)| RailSpec::new(name, volts, false, share, full));
+        let rails =
+            rails.map(|(name, volts, share, full)| RailSpec::new(name, volts, false, share, full));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let frames = ((seconds - 1.0).max(0.1) / 33e-3) as usize;
         Self {
@@ -229,7 +229,8 @@ impl Recording {
     pub fn new(options: &RecordingOptions) -> Result<Self, PowerError> {
         check(options)?;
         let mut random = Rng::with_seed(options.seed);
-        let program::Program { segments, frames: planned, end_ns } = program::plan(options, &mut random);
+        let program::Program { segments, frames: planned, end_ns } =
+            program::plan(options, &mut random);
         let period = 1e9 / options.rate_hz;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive")]
         let rows = ((end_ns + options.margin_s * 1e9) / period) as u64;
@@ -297,8 +298,7 @@ impl Recording {
         }
         truth.nj_per_pixel =
             sums.iter().map(|(energy, n)| 1e9 * energy / (f64::from(*n) * pixels)).collect();
-        truth.wrong_marks =
-            faults::spoil_marks(&options.faults, &mut marks, end_ns, &mut random);
+        truth.wrong_marks = faults::spoil_marks(&options.faults, &mut marks, end_ns, &mut random);
         let faults = faults::plan(&options.faults, rows, &mut random);
         truth.faults = faults::count(&faults);
         Ok(Self {
@@ -383,9 +383,10 @@ fn info(options: &RecordingOptions) -> TraceInfo {
 fn check(options: &RecordingOptions) -> Result<(), PowerError> {
     let is_positive = |x: f64| x > 0.0 && x.is_finite();
     let is_size = |x: f64| x >= 0.0 && x.is_finite();
-    let rails_are_good = options.rails.iter().all(|r| {
-        is_positive(r.volts) && is_size(r.share) && is_positive(r.full_scale_a)
-    });
+    let rails_are_good = options
+        .rails
+        .iter()
+        .all(|r| is_positive(r.volts) && is_size(r.share) && is_positive(r.full_scale_a));
     let animations_are_good = options.animations.iter().all(Animation::is_valid);
     let is_good = is_positive(options.rate_hz)
         && options.rate_hz <= 1e8
@@ -393,7 +394,8 @@ fn check(options: &RecordingOptions) -> Result<(), PowerError> {
         && is_positive(options.rails.iter().map(|r| r.share).sum())
         && animations_are_good
         && options.animations.iter().any(|a| a.frames > 0)
-        && [options.noise, options.lag_s, options.idle_w, options.margin_s].map(is_size) == [true; 4]
+        && [options.noise, options.lag_s, options.idle_w, options.margin_s].map(is_size)
+            == [true; 4]
         && is_size(options.log_jitter_s)
         && is_size(options.sample_jitter_s)
         && options.bits <= 32
@@ -403,6 +405,7 @@ fn check(options: &RecordingOptions) -> Result<(), PowerError> {
         return Ok(());
     }
     Err(PowerError::Setting(
-        "a recording needs rails, frames, and rates, times, powers and shares that are positive".into(),
+        "a recording needs rails, frames, and rates, times, powers and shares that are positive"
+            .into(),
     ))
 }

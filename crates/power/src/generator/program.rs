@@ -172,7 +172,8 @@ pub(super) fn plan(options: &RecordingOptions, random: &mut Rng) -> Program {
             // The view changes slowly along the path, and a little from frame to frame.
             let along = number as f64 / animation.frames as f64 * std::f64::consts::TAU;
             let swing = 1.0 + animation.swing * (along.sin() + 0.3 * (5.0 * along).cos()) / 1.3;
-            let work = animation.work_s * 1e9 * swing * (1.0 + 0.02 * gauss(random).clamp(-3.0, 3.0));
+            let work =
+                animation.work_s * 1e9 * swing * (1.0 + 0.02 * gauss(random).clamp(-3.0, 3.0));
             let busy = animation.busy_w * factor * (1.0 + 0.3 * (swing - 1.0));
             let start = time;
             let mut joules = 0.0;
@@ -183,8 +184,11 @@ pub(super) fn plan(options: &RecordingOptions, random: &mut Rng) -> Program {
                 segments.push(Segment { start_ns: time, watts });
                 joules += 1e-9 * length * watts;
                 time += length;
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss,
-                         reason = "a positive time")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a positive time"
+                )]
                 let ns = length as u64;
                 match passes.iter_mut().find(|p| p.0 == phase.name) {
                     Some(pass) => pass.1 += ns,

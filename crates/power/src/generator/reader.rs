@@ -110,7 +110,8 @@ impl RecordingReader {
         // or since it changed.
         let segment = segments[self.segment];
         let since = (time - segment.start_ns).min(period);
-        let follow = if options.lag_s > 0.0 { -(-since * 1e-9 / options.lag_s).exp_m1() } else { 1.0 };
+        let follow =
+            if options.lag_s > 0.0 { -(-since * 1e-9 / options.lag_s).exp_m1() } else { 1.0 };
         self.watts += (segment.watts - self.watts) * follow;
         let jitter = if options.sample_jitter_s > 0.0 {
             gauss(&mut self.random) * options.sample_jitter_s * 1e9

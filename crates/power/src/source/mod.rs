@@ -8,7 +8,7 @@ mod recorder;
 #[cfg(feature = "nvml")]
 pub use nvml::NvmlMeter;
 pub use rapl::RaplMeter;
-pub use recorder::{Recorder, RecorderOptions};
+pub use recorder::{Recorder, RecorderOptions, RecorderStopper};
 
 use crate::{PowerError, TraceInfo};
 
@@ -34,6 +34,43 @@ impl Meter for Box<dyn Meter> {
 
     fn read(&mut self, values: &mut [f64]) -> Result<(), PowerError> {
         (**self).read(values)
+    }
+}
+
+/// Several meters read together: their columns side by side.
+pub struct JoinedMeter(pub Vec<Box<dyn Meter>>);
+
+impl Meter for JoinedMeter {
+    /// Names, origins and refresh times of all; the least coverage.
+    fn info(&self) -> TraceInfo {
+        let mut all = TraceInfo::default();
+        for info in self.0.iter().map(Meter::info) {
+            all.columns.extend(info.columns);
+            for (to, from) in [
+                (&mut all.sensor.name, info.sensor.name),
+                (&mut all.sensor.source, info.sensor.source),
+            ] {
+                if !to.is_empty() && !from.is_empty() {
+                    to.push_str(" + ");
+                }
+                to.push_str(&from);
+            }
+            let both = |a: Option<f64>, b: Option<f64>| [a, b].into_iter().flatten();
+            all.sensor.refresh_s =
+                both(all.sensor.refresh_s, info.sensor.refresh_s).reduce(f64::max);
+            all.sensor.coverage = both(all.sensor.coverage, info.sensor.coverage).reduce(f64::min);
+        }
+        all
+    }
+
+    fn read(&mut self, values: &mut [f64]) -> Result<(), PowerError> {
+        let mut rest = values;
+        for meter in &mut self.0 {
+            let (own, others) = rest.split_at_mut(meter.info().columns.len().min(rest.len()));
+            meter.read(own)?;
+            rest = others;
+        }
+        Ok(())
     }
 }
 

@@ -89,7 +89,8 @@ impl Zone {
     /// Joules since the first reading.
     fn advance(&mut self, now: u64) -> f64 {
         if let Some(last) = self.last {
-            self.total += if now >= last { now - last } else { (self.range + now).saturating_sub(last) };
+            self.total +=
+                if now >= last { now - last } else { (self.range + now).saturating_sub(last) };
         }
         self.last = Some(now);
         self.total as f64 * 1e-6

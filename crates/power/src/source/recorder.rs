@@ -111,9 +111,26 @@ impl Recorder {
         self.shared.late.load(Ordering::Relaxed)
     }
 
+    /// What stops the recording from another thread.
+    #[must_use]
+    pub fn stopper(&self) -> RecorderStopper {
+        RecorderStopper(self.shared.clone())
+    }
+
     /// Ends the recording; what was read until now can still be taken by [`TraceReader::next_block`].
     pub fn stop(&self) {
         self.shared.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Stops a [`Recorder`] that another thread reads.
+#[derive(Clone, Debug)]
+pub struct RecorderStopper(Arc<Shared>);
+
+impl RecorderStopper {
+    /// As [`Recorder::stop`].
+    pub fn stop(&self) {
+        self.0.stop.store(true, Ordering::Relaxed);
     }
 }
 

@@ -49,7 +49,9 @@ impl Pattern<'_> {
                 found.push(map);
             }
         }
-        found.sort_by(|a, b| b.similarity.partial_cmp(&a.similarity).unwrap_or(std::cmp::Ordering::Equal));
+        found.sort_by(|a, b| {
+            b.similarity.partial_cmp(&a.similarity).unwrap_or(std::cmp::Ordering::Equal)
+        });
         let Some(mut best) = found.first().copied() else {
             return Err(PowerError::NoSync(
                 "no edges of the power follow the frames: the sensor may be too slow, or the device \
@@ -126,7 +128,9 @@ impl Pattern<'_> {
             for &time in &log[first..last.max(first)] {
                 let since = time - map.reference_ns as f64;
                 let expected = time + map.offset_ns + map.drift_ppm * 1e-6 * since;
-                if let Some(near) = nearest(trace, expected).filter(|n| (n - expected).abs() <= reach) {
+                if let Some(near) =
+                    nearest(trace, expected).filter(|n| (n - expected).abs() <= reach)
+                {
                     pairs.push((time, near));
                 }
             }
@@ -231,7 +235,12 @@ impl Search {
     }
 
     /// Offsets, trace minus log, at which a stretch of the log fits best.
-    fn offsets(&mut self, pattern: &Pattern<'_>, start: i64, end: i64) -> Result<Vec<f64>, PowerError> {
+    fn offsets(
+        &mut self,
+        pattern: &Pattern<'_>,
+        start: i64,
+        end: i64,
+    ) -> Result<Vec<f64>, PowerError> {
         let width = pattern.shown.width_ns as f64;
         let mut activity = vec![0.0f32; self.bins];
         let place = |t: i64| (t - start) as f64 / width;
@@ -265,7 +274,8 @@ impl Search {
         for _ in 0..PEAKS {
             let best = scores.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
             let Some((at, _)) = best.filter(|(_, score)| **score > 0.0) else { break };
-            let lag = if at >= self.length / 2 { at as f64 - self.length as f64 } else { at as f64 };
+            let lag =
+                if at >= self.length / 2 { at as f64 - self.length as f64 } else { at as f64 };
             offsets.push(pattern.shown.start_ns as f64 + lag * width - start as f64);
             // Its flanks are not other peaks.
             for near in at + self.length - 3..=at + self.length + 3 {

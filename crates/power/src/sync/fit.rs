@@ -34,7 +34,11 @@ pub(super) fn fit(pairs: &[(f64, f64)], method: SyncMethod, least_ns: f64) -> Op
         offset_ns: line.at(reference_ns as f64),
         offset_error_ns: (variance / n).sqrt(),
         drift_ppm: line.slope * 1e6,
-        drift_error_ppm: if line.spread > 0.0 { (variance / line.spread).sqrt() * 1e6 } else { 0.0 },
+        drift_error_ppm: if line.spread > 0.0 {
+            (variance / line.spread).sqrt() * 1e6
+        } else {
+            0.0
+        },
         residual_ns: variance.sqrt(),
         matched: used.len(),
         similarity: None,

@@ -195,7 +195,8 @@ fn by_idle(log: &FrameLog, survey: &Survey, period_ns: f64) -> Result<ClockMap, 
         let time = (bins.start_ns + quiet(bin)) as f64;
         let near = |t: f64| (t - time).abs() <= 2.0 * bins.width_ns as f64;
         let step = |s: f32| f64::from(if up { s } else { -s });
-        let mut all = survey.edges.iter().filter(|e| near(e.time_ns) && step(e.step_w) > 0.1 * range);
+        let mut all =
+            survey.edges.iter().filter(|e| near(e.time_ns) && step(e.step_w) > 0.1 * range);
         let edge = if up { all.next() } else { all.next_back() };
         edge.map(|e| e.time_ns)
     };
