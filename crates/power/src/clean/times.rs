@@ -6,6 +6,13 @@ use crate::{Block, RowMark};
 /// Rows that are looked ahead at to tell a stray row from a step of the clock.
 pub(super) const LOOK_AHEAD: usize = 8;
 
+/// No clock shows later times: the year 2043 in nanoseconds since 1970. What claims to be later is
+/// garbage, and must not overflow sums.
+const FAR_NS: i64 = 1 << 61;
+
+/// Steps of the clock that are made up for altogether.
+const MAX_SHIFT_NS: i64 = 1 << 60;
+
 /// Rows in order, with what is known of them.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
@@ -96,6 +103,8 @@ impl Times {
 
     /// Takes rows and returns those that can be told to be in order; `is_last` returns the rest too.
     pub(super) fn push(&mut self, block: Block, is_last: bool, quality: &mut Quality) -> Rows {
+        let mut block = block;
+        block.times_ns.iter_mut().for_each(|t| *t = (*t).clamp(-FAR_NS, FAR_NS));
         let mut work = std::mem::take(&mut self.carry);
         if work.is_empty() {
             work = block;
@@ -201,7 +210,8 @@ impl Times {
                 let stays = work.times_ns[ahead.clone()]
                     .iter()
                     .all(|t| t.saturating_add(self.shift) < last);
-                if !stays || ahead.len() < LOOK_AHEAD {
+                let is_bounded = (self.shift + (last - time)).abs() < MAX_SHIFT_NS;
+                if !stays || !is_bounded || ahead.len() < LOOK_AHEAD {
                     quality.at(Fault::OutOfOrder).count += 1;
                     quality.at(Fault::OutOfOrder).repaired += 1;
                     flag(quality, Fault::OutOfOrder, last, last);
