@@ -55,7 +55,10 @@ fn every_format_holds_what_was_recorded() {
         let (_, again, _) = read(&bytes, &ReadOptions::default()).unwrap();
         assert_eq!(format!("{found:?}"), format!("{again:?}"), "pieces make no difference");
         assert_eq!(broken, 0);
-        assert_eq!(info.columns.iter().map(|c| c.unit).collect::<Vec<_>>(), [Unit::Amperes, Unit::Volts].repeat(3));
+        assert_eq!(
+            info.columns.iter().map(|c| c.unit).collect::<Vec<_>>(),
+            [Unit::Amperes, Unit::Volts].repeat(3)
+        );
         assert_eq!(found.times_ns, truth.times_ns, "{format:?}");
         assert_eq!(found.marks, truth.marks, "{format:?}");
         for (a, b) in found.channels.iter().zip(&truth.channels) {
@@ -132,9 +135,13 @@ fn csv_of_many_kinds() {
     assert_eq!(found.channels[0][0], 100.0);
     assert!(found.channels[0][1..4].iter().all(|x| x.is_nan()));
     assert_eq!(found.marks.len(), 1);
-    let headers = ["", "a,b\n1,2\n", "time_s\n1\n", "time_s,x_w,time_ns\n", "gpu_w\n1\n", "\u{feff}\n"];
+    let headers =
+        ["", "a,b\n1,2\n", "time_s\n1\n", "time_s,x_w,time_ns\n", "gpu_w\n1\n", "\u{feff}\n"];
     for header in headers {
-        assert!(matches!(read(header.as_bytes(), &small()), Err(PowerError::Header(_))), "{header:?}");
+        assert!(
+            matches!(read(header.as_bytes(), &small()), Err(PowerError::Header(_))),
+            "{header:?}"
+        );
     }
     // A few broken lines are counted, many are refused with the number of the first.
     let mut text = String::from("time_s,gpu_w\n");

@@ -2,8 +2,8 @@
 
 use niwaki_power::generator::{Animation, Recording, RecordingOptions};
 use niwaki_power::{
-    AnalysisOptions, Block, Column, Fault, FrameLog, IdlePolicy, PowerError, RowMark, SyncMethod, TraceInfo,
-    TraceReader, Unit, analyze,
+    AnalysisOptions, Block, Column, Fault, FrameLog, IdlePolicy, PowerError, RowMark, SyncMethod,
+    TraceInfo, TraceReader, Unit, analyze,
 };
 use proptest::prelude::*;
 
@@ -68,7 +68,11 @@ fn energy_is_exact_for_lines_and_never_made_up() {
     let times: Vec<_> = kept.iter().map(|&i| times[i]).collect();
     let analysis = run(&times, &vec![100.0; times.len()], 777).unwrap();
     assert_eq!(analysis.quality.count(Fault::Hole).count, 1);
-    assert!((analysis.measured_s - (2999.0 + 2999.0) * 25e-6).abs() < 1e-9, "{}", analysis.measured_s);
+    assert!(
+        (analysis.measured_s - (2999.0 + 2999.0) * 25e-6).abs() < 1e-9,
+        "{}",
+        analysis.measured_s
+    );
     assert!((analysis.total_j - 100.0 * analysis.measured_s).abs() < 1e-9);
 }
 

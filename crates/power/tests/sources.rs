@@ -1,9 +1,9 @@
 //! Meters, and sensors that are slow.
 
 use niwaki_power::{
-    AnalysisOptions, Block, Clock, Column, FrameLog, FrameLogHeader, FrameRecord, JoinedMeter, Meter,
-    PowerError, RaplMeter, Recorder, RecorderOptions, Segmentation, SensorNote, SyncMethod, TraceInfo,
-    TraceReader, Unit, analyze,
+    AnalysisOptions, Block, Clock, Column, FrameLog, FrameLogHeader, FrameRecord, JoinedMeter,
+    Meter, PowerError, RaplMeter, Recorder, RecorderOptions, Segmentation, SensorNote, SyncMethod,
+    TraceInfo, TraceReader, Unit, analyze,
 };
 use std::fs;
 use std::path::PathBuf;
@@ -46,7 +46,8 @@ fn counters_wrap_around() {
     let rails = niwaki_power::rails_by_name(&info.columns, &[], true).unwrap();
     assert_eq!(rails.len(), 1);
     let mut values = [f64::NAN; 2];
-    for (counter, joules) in [(900_000, 0.0), (950_000, 0.05), (20_000, 0.12), (999_999, 1.099_999)] {
+    for (counter, joules) in [(900_000, 0.0), (950_000, 0.05), (20_000, 0.12), (999_999, 1.099_999)]
+    {
         zone(&folder, "intel-rapl:0", "package-0", 1_000_000, counter);
         meter.read(&mut values).unwrap();
         assert!((values[0] - joules).abs() < 1e-9, "{counter}: {}", values[0]);
@@ -133,7 +134,11 @@ fn a_slow_sensor_is_named_and_measured_in_windows() {
     let info = TraceInfo {
         columns: vec![Column::new("gpu0_j", Unit::Joules)],
         clock: Clock::Monotonic,
-        sensor: SensorNote { coverage: Some(0.25), source: "a paper".into(), ..SensorNote::default() },
+        sensor: SensorNote {
+            coverage: Some(0.25),
+            source: "a paper".into(),
+            ..SensorNote::default()
+        },
         ..TraceInfo::default()
     };
     // 16 ms a frame, back to back, from 1 s to 9 s.
