@@ -3,6 +3,7 @@
 use crate::bench::Shard;
 use crate::gpu::GpuArgs;
 use crate::kernel::Collapse;
+use crate::power::PowerArgs;
 use crate::render::{RenderArgs, Size};
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
@@ -31,6 +32,8 @@ pub(crate) enum Command {
     Gpu(Box<GpuArgs>),
     /// Merge results files into one report.
     Report(ReportArgs),
+    /// Measure what frames cost in joules: analyse power traces, record them, or show how it is done.
+    Power(Box<PowerArgs>),
     /// Draw pictures of a scene: by the hybrid renderer on the GPU, or references on the CPU.
     Render(Box<RenderArgs>),
     /// Regenerate the thesis's tables of builders beside the published values.

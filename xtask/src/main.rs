@@ -8,6 +8,7 @@ mod judge;
 mod kernel;
 mod machine;
 mod memory;
+mod power;
 mod registry;
 mod render;
 mod report;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
         cli::Command::Accuracy(args) => accuracy::run(&args),
         cli::Command::Gpu(args) => gpu::run(&args),
         cli::Command::Report(args) => report::run(&args),
+        cli::Command::Power(args) => power::run(&args),
         cli::Command::Render(args) => render::run(&args),
         cli::Command::Stability(args) => stability::run(&args),
         cli::Command::StabilityWorker(options) => stability::run_worker(&options),

@@ -149,7 +149,8 @@ pub(crate) enum WiredKind {
 /// with the constant voltage that `volts` gives for `NAME`, else `NAME_j`.
 ///
 /// A rail that has power and energy (as NVML gives both) counts once, by its energy if
-/// `prefers_energy`, which misses nothing between two readings.
+/// `prefers_energy`, which misses nothing between two readings. Columns whose names contain `_sub` are
+/// parts of other rails (as [`crate::RaplMeter`] names them) and are left out.
 ///
 /// # Errors
 /// [`PowerError::Rails`] names the current whose voltage nobody knows.
@@ -174,6 +175,10 @@ pub fn rails_by_name(
     };
     for first in columns {
         let name = stem(first);
+        // A part of another rail: counting it would count twice.
+        if name.contains("_sub") {
+            continue;
+        }
         if rails.iter().any(|r| r.name == name) {
             continue;
         }

@@ -81,3 +81,79 @@ fn by_correlation() {
     check_clock(&map, &options);
     assert!(!map.is_ambiguous(), "{map:?}");
 }
+
+#[test]
+fn by_sparse_marks_some_of_which_are_wrong() {
+    let mut options = longer(13, MarkPolicy::Every(7));
+    options.faults = FaultPlan { lost_marks: 9, false_marks: 12, ..FaultPlan::default() };
+    let recording = Recording::new(&options).unwrap();
+    assert_eq!(recording.truth().wrong_marks, (9, 12));
+    let analysis = run(&recording, Some(&recording.log()), SyncMethod::Marker);
+    let map = analysis.clock.unwrap();
+    check_clock(&map, &options);
+    let (starts, _) = boundaries(&analysis, &recording);
+    assert!(starts <= 3.0, "{starts}");
+    check_energy(&analysis, &recording);
+}
+
+#[test]
+fn by_idle_time() {
+    let mut options = longer(14, MarkPolicy::Never);
+    options.states.clear();
+    let recording = Recording::new(&options).unwrap();
+    let analysis = run(&recording, Some(&recording.log()), SyncMethod::Idle);
+    let map = analysis.clock.unwrap();
+    assert_eq!(map.matched, 2);
+    check_clock(&map, &options);
+    let (starts, _) = boundaries(&analysis, &recording);
+    println!("starts within {starts:.2} samples");
+    assert!(starts <= 6.0, "{starts}");
+    check_energy(&analysis, &recording);
+}
+
+#[test]
+fn marks_alone_make_frames() {
+    let options = longer(15, MarkPolicy::Every(1));
+    let recording = Recording::new(&options).unwrap();
+    let analysis = run(&recording, None, SyncMethod::Auto);
+    assert_eq!(analysis.frames.len() + 1, recording.truth().frames.len());
+    // Without a log nothing tells where one algorithm ends, so frames are compared one by one.
+    for (found, truth) in analysis.frames.iter().zip(&recording.truth().frames).take(200) {
+        let error = found.energy_j / truth.energy_j - 1.0;
+        assert!(error.abs() < 0.01, "{}: {error}", found.frame);
+    }
+}
+
+#[test]
+fn every_fault_is_counted_and_does_little_harm() {
+    let mut options = longer(16, MarkPolicy::Every(1));
+    options.faults = FaultPlan { lost_marks: 5, false_marks: 5, ..FaultPlan::of_each(6) };
+    let recording = Recording::new(&options).unwrap();
+    let analysis = run(&recording, Some(&recording.log()), SyncMethod::Correlation);
+    let truth = recording.truth();
+    let found = |fault: Fault| analysis.quality.count(fault).count;
+    let put_in = |fault: Fault| truth.faults[fault as usize];
+    for fault in Fault::ALL {
+        println!("{}: {} put in, {} found", fault.name(), put_in(fault), found(fault));
+        if fault != Fault::Clipped {
+            assert_eq!(found(fault), put_in(fault), "{fault:?}");
+        }
+    }
+    // 40 rows of each stretch, all of them pushed beyond the range.
+    assert_eq!(found(Fault::Clipped), 40 * put_in(Fault::Clipped));
+    let rails: u64 = analysis.quality.rails.iter().map(|r| r.clipped).sum();
+    assert_eq!(rails, found(Fault::Clipped));
+    assert!(
+        analysis.quality.flags.windows(2).all(|p| p[0].from_ns <= p[1].from_ns + 1_000_000_000)
+    );
+
+    // Frames say which of their samples are not what was there; all others have their energy.
+    let spoilt = |f: &&niwaki_power::FrameEnergy| f.is_incomplete || f.is_clipped;
+    let holes = analysis.frames.iter().filter(|f| f.is_incomplete).count();
+    assert!((6..=60).contains(&holes), "{holes}");
+    assert!(
+        analysis.frames.iter().any(|f| f.is_clipped)
+            && analysis.frames.iter().any(|f| f.is_repaired)
+    );
+    assert!(analysis.frames.iter().filter(spoilt).count() < analysis.frames.len() / 10);
+}

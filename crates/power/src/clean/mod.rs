@@ -263,9 +263,9 @@ impl Cleaner {
         let times = &rows.block.times_ns;
         let n = times.len();
         let is_bad = |row: usize| {
-            repair.is_bad.get(row).copied().unwrap_or(false) || !self.watts[row].is_finite()
+            repair.is_bad.get(row).copied().unwrap_or(false) || !is_power(self.watts[row])
         };
-        let has_bad = !repair.is_bad.is_empty() || !self.watts.iter().sum::<f64>().is_finite();
+        let has_bad = !repair.is_bad.is_empty() || !self.watts.iter().all(|w| is_power(*w));
         let mut holes = rows.holes.iter().copied().peekable();
         let mut marks = rows.block.marks.iter().peekable();
         let mut flags = Some(repair.flags);
@@ -305,6 +305,12 @@ impl Cleaner {
             row = end;
         }
     }
+}
+
+/// Whether a number can be a power. What lies beyond is a broken reading, and its sums would leave the
+/// range of `f32`.
+fn is_power(watts: f64) -> bool {
+    watts.abs() <= 1e30
 }
 
 /// Splits rows off the end.

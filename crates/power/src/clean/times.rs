@@ -6,6 +6,13 @@ use crate::{Block, RowMark};
 /// Rows that are looked ahead at to tell a stray row from a step of the clock.
 pub(super) const LOOK_AHEAD: usize = 8;
 
+/// No clock shows later times: the year 2043 in nanoseconds since 1970. What claims to be later is
+/// garbage, and must not overflow sums.
+const FAR_NS: i64 = 1 << 61;
+
+/// Steps of the clock that are made up for altogether.
+const MAX_SHIFT_NS: i64 = 1 << 60;
+
 /// Rows in order, with what is known of them.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
@@ -96,6 +103,8 @@ impl Times {
 
     /// Takes rows and returns those that can be told to be in order; `is_last` returns the rest too.
     pub(super) fn push(&mut self, block: Block, is_last: bool, quality: &mut Quality) -> Rows {
+        let mut block = block;
+        block.times_ns.iter_mut().for_each(|t| *t = (*t).clamp(-FAR_NS, FAR_NS));
         let mut work = std::mem::take(&mut self.carry);
         if work.is_empty() {
             work = block;
@@ -178,10 +187,13 @@ impl Times {
                     flag(quality, Fault::OutOfOrder, last, last);
                 }
                 if is_stray {
-                    pending = label;
-                    continue;
-                }
-                if displaced > 0 {
+                    let Some(middle) = self.between(last, later[0].saturating_add(shift)) else {
+                        pending = label;
+                        continue;
+                    };
+                    work.times_ns[at] = middle - shift;
+                    time = middle;
+                } else if displaced > 0 {
                     let reach = later.iter().rposition(before).map_or(at, |r| at + 1 + r);
                     sort_rows(&mut work, at, reach);
                     time = work.times_ns[at] + self.shift;
@@ -198,19 +210,25 @@ impl Times {
                 let stays = work.times_ns[ahead.clone()]
                     .iter()
                     .all(|t| t.saturating_add(self.shift) < last);
-                if !stays || ahead.len() < LOOK_AHEAD {
+                let is_bounded = (self.shift + (last - time)).abs() < MAX_SHIFT_NS;
+                if !stays || !is_bounded || ahead.len() < LOOK_AHEAD {
                     quality.at(Fault::OutOfOrder).count += 1;
                     quality.at(Fault::OutOfOrder).repaired += 1;
                     flag(quality, Fault::OutOfOrder, last, last);
-                    pending = label;
-                    continue;
+                    let next = work.times_ns.get(at + 1).map(|t| t.saturating_add(self.shift));
+                    let Some(middle) = next.and_then(|next| self.between(last, next)) else {
+                        pending = label;
+                        continue;
+                    };
+                    work.times_ns[at] = middle - self.shift;
+                } else {
+                    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+                    let next = last + (self.period_ns as i64).max(1);
+                    self.shift += next - time;
+                    quality.at(Fault::ClockStep).count += 1;
+                    quality.at(Fault::ClockStep).repaired += 1;
+                    flag(quality, Fault::ClockStep, last, next);
                 }
-                #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-                let next = last + (self.period_ns as i64).max(1);
-                self.shift += next - time;
-                quality.at(Fault::ClockStep).count += 1;
-                quality.at(Fault::ClockStep).repaired += 1;
-                flag(quality, Fault::ClockStep, last, next);
             }
             self.accept_after(&mut rows, &work, at, label, last, quality);
         }
@@ -223,6 +241,13 @@ impl Times {
             }
         }
         rows
+    }
+
+    /// The place of one row between two others that are two steps apart.
+    fn between(&self, last: i64, next: i64) -> Option<i64> {
+        let step = next.saturating_sub(last);
+        let is_two = step as f64 > 1.5 * self.period_ns && step <= self.gap_ns + self.gap_ns;
+        is_two.then_some(last + step / 2)
     }
 
     fn accept(&mut self, rows: &mut Rows, work: &Block, at: usize, label: Option<u8>) {

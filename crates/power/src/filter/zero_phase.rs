@@ -113,7 +113,7 @@ fn settle(filter: &Butterworth, tolerance: f64) -> Option<(usize, f64)> {
     let mut reach = vec![[0.0; 2]; sections];
     let mut gain = 0.0;
     let mut states = vec![[0.0; 2]; sections];
-    let mut calm = 0;
+    let (mut calm, mut peak) = (0, 0.0f64);
     for at in 0..MAX_SETTLE {
         let y = filter.step(&mut states, f64::from(u8::from(at == 0)));
         gain += y.abs();
@@ -125,10 +125,14 @@ fn settle(filter: &Butterworth, tolerance: f64) -> Option<(usize, f64)> {
             }
         }
         // Oscillating states pass through zero, so wait for many small ones.
-        calm = if largest < 1e-18 { calm + 1 } else { 0 };
+        peak = peak.max(largest);
+        calm = if largest < 1e-16 * peak { calm + 1 } else { 0 };
         if calm == 64 {
             break;
         }
+    }
+    if calm < 64 {
+        return None;
     }
     // The true state and the guess are both within `reach` times half the range of the forward output,
     // about its middle; so they differ by no more than `reach` times that range, and the range is at most

@@ -20,6 +20,8 @@ pub enum GapPlace {
 pub struct IdleGap {
     /// The frame that it is in or after.
     pub frame: u64,
+    /// Which of [`crate::Analysis::groups`] that frame belongs to.
+    pub group: usize,
     /// Where.
     pub place: GapPlace,
     /// Start in nanoseconds of the trace.
@@ -28,8 +30,6 @@ pub struct IdleGap {
     pub length_ns: i64,
 }
 
-/// Samples whose mean is compared with the limit.
-const WIDTH: usize = 4;
 /// Gaps that are kept; times per frame go on.
 const MAX_GAPS: usize = 1 << 16;
 
@@ -38,10 +38,11 @@ pub(crate) struct GapFinder<'a> {
     spans: &'a Spans,
     limit: f32,
     least_ns: i64,
-    start: Option<i64>,
-    last: i64,
-    recent: [f32; WIDTH],
-    filled: usize,
+    /// First and last low sample of the gap that is open.
+    open: Option<(i64, i64)>,
+    /// Whether the sample before this one was high.
+    was_high: bool,
+    before: i64,
     gaps: Vec<IdleGap>,
     /// Idle nanoseconds of each span: inside, between.
     idle: Vec<(f64, f64)>,
@@ -56,10 +57,9 @@ impl<'a> GapFinder<'a> {
             #[expect(clippy::cast_possible_truncation, reason = "watts of a device")]
             limit: limit_w as f32,
             least_ns,
-            start: None,
-            last: 0,
-            recent: [0.0; WIDTH],
-            filled: 0,
+            open: None,
+            was_high: false,
+            before: i64::MIN,
             gaps: Vec::new(),
             idle: vec![(0.0, 0.0); spans.list.len()],
             first_open: 0,
@@ -69,29 +69,29 @@ impl<'a> GapFinder<'a> {
     pub(crate) fn push(&mut self, block: &PowerBlock) {
         if block.follows_hole {
             self.close();
-            self.filled = 0;
         }
         for (&time, &watts) in block.times_ns.iter().zip(&block.watts) {
-            self.recent[self.filled % WIDTH] = watts;
-            self.filled += 1;
-            // A single noisy sample neither starts nor ends a gap.
-            let is_low = watts < self.limit
-                && (self.filled < WIDTH
-                    || self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit)
-                || (self.start.is_some()
-                    && self.recent.iter().sum::<f32>() < WIDTH as f32 * self.limit);
-            if is_low {
-                self.start.get_or_insert(time);
-            } else if self.start.is_some() {
-                self.close();
+            if watts < self.limit {
+                let start = self.open.map_or(time, |(start, _)| start);
+                self.open = Some((start, time));
+                self.was_high = false;
+            } else if self.open.is_some() {
+                // A single sample of noise does not end a gap.
+                if self.was_high {
+                    self.close();
+                } else {
+                    self.was_high = true;
+                    self.before = time;
+                }
             }
-            self.last = time;
         }
     }
 
     fn close(&mut self) {
-        let Some(start) = self.start.take() else { return };
-        let end = self.last;
+        let Some((start, last)) = self.open.take() else { return };
+        // Up to the first high sample, if there was one.
+        let end = if self.was_high { self.before } else { last };
+        self.was_high = false;
         if end - start < self.least_ns {
             return;
         }
@@ -125,6 +125,7 @@ impl<'a> GapFinder<'a> {
                     #[expect(clippy::cast_possible_truncation, reason = "times of the trace")]
                     self.gaps.push(IdleGap {
                         frame: span.frame,
+                        group: span.group,
                         place,
                         start_ns: begin as i64,
                         length_ns: length as i64,

@@ -166,7 +166,7 @@ impl RecordingOptions {
         let rails =
             rails.map(|(name, volts, share, full)| RailSpec::new(name, volts, false, share, full));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let frames = ((seconds - 1.0).max(0.1) / 33e-3) as usize;
+        let frames = ((seconds - 1.0).max(0.1) / 24.6e-3) as usize;
         Self {
             rails: rails.into(),
             margin_s: 0.5,

@@ -34,18 +34,25 @@ pub(crate) fn synchronize(
                 return Ok(shared(log));
             }
             let mut tried = Vec::new();
+            // A line through a few of many marks is a last resort.
+            let mut doubtful = None;
+            let marks = survey.marks.len().min(marked_frames(log).len());
             for (name, found) in [
                 ("marker", (!survey.marks.is_empty()).then(|| by_marker(log, survey, period_ns))),
                 ("correlation", Some(by_correlation(log, survey, period_ns))),
                 ("idle", Some(by_idle(log, survey, period_ns))),
             ] {
                 match found {
+                    Some(Ok(map)) if name == "marker" && 2 * map.matched < marks.max(8) => {
+                        tried.push(format!("marker: only {} of {marks} marks fit", map.matched));
+                        doubtful = Some(map);
+                    }
                     Some(Ok(map)) => return Ok(map),
                     Some(Err(error)) => tried.push(format!("{name}: {error}")),
                     None => tried.push(format!("{name}: there are no marks")),
                 }
             }
-            Err(PowerError::NoSync(tried.join("; ")))
+            doubtful.ok_or_else(|| PowerError::NoSync(tried.join("; ")))
         }
     }
 }
@@ -66,7 +73,7 @@ fn shared(log: &FrameLog) -> ClockMap {
 }
 
 /// Frames at whose start the log says a mark was given; all frames if it says so of none.
-pub(crate) fn marked_frames(log: &FrameLog) -> Vec<i64> {
+fn marked_frames(log: &FrameLog) -> Vec<i64> {
     let marked: Vec<_> = log.frames.iter().filter(|f| f.marker).map(|f| f.start_ns).collect();
     if marked.is_empty() { log.frames.iter().map(|f| f.start_ns).collect() } else { marked }
 }
