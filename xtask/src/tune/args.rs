@@ -8,7 +8,7 @@ const EXAMPLES: &str = "\
 Examples:
   cargo xtask tune
       The two scenes after those of Ganestam and Doggett 2012 on the Vulkan device, all controllers; the
-      target is what the first frame takes with eight directions of ambient occlusion.
+      target is what the first frame takes with 16 directions of ambient occlusion.
   cargo xtask tune --scene model.glb --target-ms 16.7 --controller both --size 1920x1080
       Your own scene along its camera path (or an automatic one), kept at 60 frames a second.
   cargo xtask tune --device geforce-580 --device radeon-5870 --turn
@@ -49,7 +49,7 @@ pub(crate) struct TuneArgs {
           value_parser = ["vulkan", "geforce-8800", "geforce-580", "radeon-5870"])]
     pub(crate) devices: Vec<String>,
 
-    /// Milliseconds that a frame should take [default: what the first frame takes with eight
+    /// Milliseconds that a frame should take [default: what the first frame takes with 16
     /// directions of ambient occlusion]
     #[arg(long, value_name = "MS")]
     pub(crate) target_ms: Option<f64>,
@@ -73,7 +73,7 @@ pub(crate) struct TuneArgs {
     pub(crate) size: Option<Size>,
 
     /// Directions of ambient occlusion at most
-    #[arg(long, value_name = "NUMBER", default_value_t = 32,
+    #[arg(long, value_name = "NUMBER", default_value_t = 64,
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) max_ao: u16,
 

@@ -8,7 +8,7 @@ use niwaki_frame_control::RenderSettings;
 use niwaki_gpu_model::workload::{CountingKernel, LightSample, SampledScene, Sampling, View};
 use niwaki_gpu_tracer::FrameSettings;
 use niwaki_scene::{Camera, LightKind, Scene};
-use niwaki_trace::QuantisedScene;
+use niwaki_trace::{BinaryScene, QuantisedScene};
 use std::sync::Arc;
 
 /// A scene made ready.
@@ -25,13 +25,22 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    pub(super) fn new(args: &TuneArgs, spec: &SceneSpec, size: [u32; 2]) -> Result<Self> {
+    /// `is_simulated` samples the binary tree, which simulated devices traverse.
+    pub(super) fn new(
+        args: &TuneArgs,
+        spec: &SceneSpec,
+        size: [u32; 2],
+        is_simulated: bool,
+    ) -> Result<Self> {
         let scene = spec.load(args.seed)?;
         let builder = registry::one_of_ours("--builder", &args.builder)?;
         let bvh = builder.build(&scene.mesh.prim_refs()).context("cannot build a tree")?;
-        // The tree as the device has it: eight wide, its boxes on a grid.
-        let kernel: Arc<dyn CountingKernel> =
-            Arc::new(QuantisedScene::<8>::new(&bvh, &scene.mesh)?);
+        // The tree as the device has it: binary, or eight wide with boxes on a grid.
+        let kernel: Arc<dyn CountingKernel> = if is_simulated {
+            Arc::new(BinaryScene::new(&bvh, &scene.mesh)?)
+        } else {
+            Arc::new(QuantisedScene::<8>::new(&bvh, &scene.mesh)?)
+        };
         let sampled = SampledScene { kernel, mesh: Arc::new(scene.mesh.clone()) };
         let frames = args.frames.unwrap_or(if args.quick { 12 } else { 100 });
         let mut path = scene.camera_path();
