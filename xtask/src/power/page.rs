@@ -151,3 +151,44 @@ fn single_frames(html: &mut String, files: &mut Vec<Csv>, analysis: &Analysis) -
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_power::generator::{MarkPolicy, Recording, RecordingOptions};
+    use niwaki_power::{AnalysisOptions, analyze};
+
+    #[test]
+    fn a_page_has_every_figure_that_the_trace_gives() {
+        let mut options = RecordingOptions::paper(3, 16);
+        options.marks = MarkPolicy::Every(1);
+        options.delays = vec![(20, 9e-3)];
+        let recording = Recording::new(&options).unwrap();
+        let settings =
+            AnalysisOptions { rails: Some(recording.rails()), ..AnalysisOptions::default() };
+        let out = std::env::temp_dir().join(format!("niwaki-power-page-{}", std::process::id()));
+        let all = [
+            (
+                Some(recording.log()),
+                &["Figures 4 to 6", "Figures 7 and 8", "Figure 3", "SM, 6 lights"][..],
+            ),
+            (None, &["from mark to mark", "1443 [180.0]"][..]),
+        ];
+        for (log, parts) in all {
+            let analysis =
+                analyze(|| Ok(Box::new(recording.reader())), log.as_ref(), &settings).unwrap();
+            let page = std::fs::read_to_string(save(&analysis, "a <test>", &[], &out).unwrap());
+            let page = page.unwrap();
+            for part in parts.iter().copied().chain(["a &lt;test&gt;", "<svg ", "Table 1"]) {
+                assert!(page.contains(part), "{part}");
+            }
+        }
+        for file in ["power-groups", "power-table-1", "power-frames", "power-overview"] {
+            let csv = std::fs::read_to_string(out.join(format!("csv/{file}.csv"))).unwrap();
+            assert!(csv.lines().count() >= 2, "{file}");
+        }
+        let json = std::fs::read_to_string(out.join("power.json")).unwrap();
+        assert!(serde_json::from_str::<serde_json::Value>(&json).is_ok());
+        std::fs::remove_dir_all(out).unwrap();
+    }
+}
