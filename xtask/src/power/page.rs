@@ -15,7 +15,7 @@ const HOW_TO_READ: &str = "<h2>How to read</h2>\n<ul>\n\
     <li>Energy per pixel is eq. 2 of paper II: energy from the start of the first frame to the end of the \
     last, over frames and pixels. A frame's time and energy reach from its start to the next frame's; \
     <em>busy</em> is its work alone. The standard deviation is over frames (over windows where the sensor \
-    is too slow for frames); the confidence interval allows for neighbours being alike.</li>\n\
+    is too slow for frames); the 95 % interval is that of the mean if the same animation is repeated.</li>\n\
     <li>Thin curves are as measured, thick ones after a zero-phase Butterworth filter, which delays \
     nothing.</li>\n\
     <li>Faults are repaired within bounds: what is interpolated, dropped or lost is counted, frames that \
@@ -60,7 +60,7 @@ pub(super) fn save(
     html.push_str("</div>\n");
     for (title, table) in [
         ("Idle gaps", tables::gaps(analysis)),
-        ("Frames that take half as long again as those around them", tables::spikes(analysis)),
+        ("Frames that take longer than those around them by a third", tables::spikes(analysis)),
         ("Changes of power states", tables::states(analysis)),
         ("Faults of the trace", tables::faults(&analysis.quality)),
         ("Rails", tables::rails(&analysis.quality)),

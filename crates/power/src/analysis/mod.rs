@@ -333,7 +333,7 @@ fn typical(spans: &Spans, group: usize) -> Option<usize> {
     Some(*members.select_nth_unstable_by(middle, |a, b| length(a).total_cmp(&length(b))).1)
 }
 
-/// The frame that takes longest against the median of its group, if any takes half as long again.
+/// The frame that takes longest against the median of its group, if any takes longer by a third.
 fn longest(spans: &Spans) -> Option<usize> {
     let length = |at: usize| spans.list[at].end - spans.list[at].start;
     let usual: Vec<_> = (0..spans.groups.len())
@@ -341,5 +341,5 @@ fn longest(spans: &Spans) -> Option<usize> {
         .collect();
     let excess = |at: usize| length(at) / usual[spans.list[at].group];
     let best = (0..spans.list.len()).max_by(|&a, &b| excess(a).total_cmp(&excess(b)))?;
-    (excess(best) > 1.5).then_some(best)
+    (excess(best) > report::SPIKE).then_some(best)
 }
