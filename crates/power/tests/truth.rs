@@ -1,5 +1,7 @@
 //! What is recovered from recordings whose truth is known.
 
+#![cfg(feature = "analysis")]
+
 use niwaki_power::generator::{FaultPlan, MarkPolicy, Recording, RecordingOptions};
 use niwaki_power::{Analysis, AnalysisOptions, ClockMap, Fault, FrameLog, SyncMethod, analyze};
 
