@@ -73,6 +73,7 @@ pub enum PowerError {
     },
 }
 
+#[cfg(feature = "analysis")]
 impl PowerError {
     /// Names the file in an error of the system.
     pub(crate) fn file(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {

@@ -33,6 +33,11 @@
 //! which is what a renderer needs to write its log. `nvml` adds `NvmlMeter`, whose library is loaded when it
 //! is opened.
 
+#![cfg_attr(
+    not(feature = "analysis"),
+    allow(rustdoc::broken_intra_doc_links, reason = "the documentation is that of all features")
+)]
+
 #[cfg(feature = "analysis")]
 mod analysis;
 #[cfg(feature = "analysis")]

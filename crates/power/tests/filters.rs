@@ -1,5 +1,7 @@
 //! Filters against SciPy 1.17, and the stream against the whole signal.
 
+#![cfg(feature = "analysis")]
+
 use niwaki_power::{Butterworth, Decimated, Decimator, PowerBlock, ZeroPhase};
 use proptest::prelude::*;
 

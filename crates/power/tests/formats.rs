@@ -1,5 +1,7 @@
 //! Files: round trips, and whatever bytes.
 
+#![cfg(feature = "analysis")]
+
 use niwaki_power::generator::{FaultPlan, MarkPolicy, Recording, RecordingOptions};
 use niwaki_power::{
     AnalysisOptions, Block, FrameLog, PowerError, ReadOptions, TraceFormat, TraceInfo, TraceReader,

@@ -1,5 +1,7 @@
 //! Traces that hold little, nothing, or nonsense.
 
+#![cfg(feature = "analysis")]
+
 use niwaki_power::generator::{Animation, Recording, RecordingOptions};
 use niwaki_power::{
     AnalysisOptions, Block, Column, Fault, FrameLog, IdlePolicy, PowerError, RowMark, SyncMethod,

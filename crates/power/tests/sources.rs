@@ -1,5 +1,7 @@
 //! Meters, and sensors that are slow.
 
+#![cfg(feature = "analysis")]
+
 use niwaki_power::{
     AnalysisOptions, Block, Clock, Column, FrameLog, FrameLogHeader, FrameRecord, JoinedMeter,
     Meter, PowerError, RaplMeter, Recorder, RecorderOptions, Segmentation, SensorNote, SyncMethod,

@@ -1,5 +1,7 @@
 //! What is recovered from recordings whose truth is known.
 
+#![cfg(feature = "analysis")]
+
 use niwaki_power::generator::{FaultPlan, MarkPolicy, Recording, RecordingOptions};
 use niwaki_power::{Analysis, AnalysisOptions, ClockMap, Fault, FrameLog, SyncMethod, analyze};
 
@@ -146,6 +148,17 @@ fn every_fault_is_counted_and_does_little_harm() {
     assert!(
         analysis.quality.flags.windows(2).all(|p| p[0].from_ns <= p[1].from_ns + 1_000_000_000)
     );
+
+    // Without declared ranges, clipping is suspected where it was.
+    let mut rails = recording.rails();
+    rails.iter_mut().for_each(|rail| rail.range = None);
+    let options = AnalysisOptions { rails: Some(rails), ..AnalysisOptions::default() };
+    let blind = analyze(|| Ok(Box::new(recording.reader())), None, &options).unwrap();
+    assert_eq!(blind.quality.count(Fault::Clipped).count, 0);
+    for (rail, seen) in blind.quality.rails.iter().zip(&analysis.quality.rails) {
+        assert_eq!(rail.suspected_run.is_some(), seen.clipped > 0, "{rail:?}");
+        assert!(seen.suspected_run.is_none());
+    }
 
     // Frames say which of their samples are not what was there; all others have their energy.
     let spoilt = |f: &&niwaki_power::FrameEnergy| f.is_incomplete || f.is_clipped;

@@ -15,7 +15,7 @@ const HOW_TO_READ: &str = "<h2>How to read</h2>\n<ul>\n\
     <li>Energy per pixel is eq. 2 of paper II: energy from the start of the first frame to the end of the \
     last, over frames and pixels. A frame's time and energy reach from its start to the next frame's; \
     <em>busy</em> is its work alone. The standard deviation is over frames (over windows where the sensor \
-    is too slow for frames); the confidence interval allows for neighbours being alike.</li>\n\
+    is too slow for frames); the 95 % interval is that of the mean if the same animation is repeated.</li>\n\
     <li>Thin curves are as measured, thick ones after a zero-phase Butterworth filter, which delays \
     nothing.</li>\n\
     <li>Faults are repaired within bounds: what is interpolated, dropped or lost is counted, frames that \
@@ -60,7 +60,7 @@ pub(super) fn save(
     html.push_str("</div>\n");
     for (title, table) in [
         ("Idle gaps", tables::gaps(analysis)),
-        ("Frames that take half as long again as those around them", tables::spikes(analysis)),
+        ("Frames that take longer than those around them by a third", tables::spikes(analysis)),
         ("Changes of power states", tables::states(analysis)),
         ("Faults of the trace", tables::faults(&analysis.quality)),
         ("Rails", tables::rails(&analysis.quality)),
@@ -150,4 +150,45 @@ fn single_frames(html: &mut String, files: &mut Vec<Csv>, analysis: &Analysis) -
         html.push_str("</div>\n");
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use niwaki_power::generator::{MarkPolicy, Recording, RecordingOptions};
+    use niwaki_power::{AnalysisOptions, analyze};
+
+    #[test]
+    fn a_page_has_every_figure_that_the_trace_gives() {
+        let mut options = RecordingOptions::paper(3, 16);
+        options.marks = MarkPolicy::Every(1);
+        options.delays = vec![(20, 9e-3)];
+        let recording = Recording::new(&options).unwrap();
+        let settings =
+            AnalysisOptions { rails: Some(recording.rails()), ..AnalysisOptions::default() };
+        let out = std::env::temp_dir().join(format!("niwaki-power-page-{}", std::process::id()));
+        let all = [
+            (
+                Some(recording.log()),
+                &["Figures 4 to 6", "Figures 7 and 8", "Figure 3", "SM, 6 lights"][..],
+            ),
+            (None, &["from mark to mark", "1443 [180.0]"][..]),
+        ];
+        for (log, parts) in all {
+            let analysis =
+                analyze(|| Ok(Box::new(recording.reader())), log.as_ref(), &settings).unwrap();
+            let page = std::fs::read_to_string(save(&analysis, "a <test>", &[], &out).unwrap());
+            let page = page.unwrap();
+            for part in parts.iter().copied().chain(["a &lt;test&gt;", "<svg ", "Table 1"]) {
+                assert!(page.contains(part), "{part}");
+            }
+        }
+        for file in ["power-groups", "power-table-1", "power-frames", "power-overview"] {
+            let csv = std::fs::read_to_string(out.join(format!("csv/{file}.csv"))).unwrap();
+            assert!(csv.lines().count() >= 2, "{file}");
+        }
+        let json = std::fs::read_to_string(out.join("power.json")).unwrap();
+        assert!(serde_json::from_str::<serde_json::Value>(&json).is_ok());
+        std::fs::remove_dir_all(out).unwrap();
+    }
 }

@@ -302,9 +302,9 @@ impl<'a> Second<'a> {
             let mut waveforms = captures.finish();
             waveforms.retain(|w| w.watts.len() > 8);
             for waveform in &mut waveforms {
-                // A tenth of the rate: flanks stay within a few samples, noise shrinks by half.
+                // A tenth of the rate halves the noise; the first order does not overshoot at flanks.
                 let rate = 1e9 / period_ns.max(1.0);
-                if let Ok(filter) = Butterworth::low_pass(4, 0.1 * rate, rate) {
+                if let Ok(filter) = Butterworth::low_pass(1, 0.1 * rate, rate) {
                     waveform.smooth_w = filter.filter_both_ways(&waveform.watts);
                 }
             }
@@ -333,7 +333,7 @@ fn typical(spans: &Spans, group: usize) -> Option<usize> {
     Some(*members.select_nth_unstable_by(middle, |a, b| length(a).total_cmp(&length(b))).1)
 }
 
-/// The frame that takes longest against the median of its group, if any takes half as long again.
+/// The frame that takes longest against the median of its group, if any takes longer by a third.
 fn longest(spans: &Spans) -> Option<usize> {
     let length = |at: usize| spans.list[at].end - spans.list[at].start;
     let usual: Vec<_> = (0..spans.groups.len())
@@ -341,5 +341,5 @@ fn longest(spans: &Spans) -> Option<usize> {
         .collect();
     let excess = |at: usize| length(at) / usual[spans.list[at].group];
     let best = (0..spans.list.len()).max_by(|&a, &b| excess(a).total_cmp(&excess(b)))?;
-    (excess(best) > 1.5).then_some(best)
+    (excess(best) > report::SPIKE).then_some(best)
 }

@@ -135,7 +135,7 @@ pub struct Analysis {
     pub frames: Vec<FrameEnergy>,
     /// Idle gaps, the first 65,536.
     pub gaps: Vec<IdleGap>,
-    /// Frames that take at least half as long again as those around them.
+    /// Frames that take longer than those around them by a third or more.
     pub spikes: Vec<Spike>,
     /// Changes of power states.
     pub states: Vec<PowerState>,
@@ -242,6 +242,9 @@ fn group_result(
     }
 }
 
+/// How much longer than usual a frame takes that is reported.
+pub(super) const SPIKE: f64 = 4.0 / 3.0;
+
 /// Neighbours on either side that a frame is compared with.
 const AROUND: usize = 10;
 
@@ -258,7 +261,7 @@ fn spikes(frames: &[FrameEnergy]) -> Vec<Spike> {
         }
         let usual = |of: fn(&FrameEnergy) -> f64| median(near.iter().map(|f| of(f)).collect());
         let usual_s = usual(|f| f.time_s);
-        if frame.time_s < 1.5 * usual_s {
+        if frame.time_s < SPIKE * usual_s {
             continue;
         }
         let idle = |f: &FrameEnergy| f.idle_inside_s + f.idle_between_s;

@@ -132,13 +132,14 @@ impl Cleaner {
         quality.period_ns = self.times.period_ns;
         quality.jitter_ns = self.times.jitter_ns();
         quality.refresh_ns = self.changes.median_rows() * self.times.period_ns;
-        for ((total, sum), extreme) in
-            quality.rails.iter_mut().zip(&self.rail_sums).zip(&self.extremes)
+        for (((total, sum), extreme), rail) in
+            quality.rails.iter_mut().zip(&self.rail_sums).zip(&self.extremes).zip(&self.rails)
         {
             total.mean_w = if self.good_rows > 0.0 { sum / self.good_rows } else { 0.0 };
             // Where readings stand still between updates, repetition means nothing.
             let is_fast = self.changes.median_rows() <= 1.0;
-            total.suspected_run = extreme.suspected().filter(|_| is_fast);
+            let is_open = rail.range.is_none();
+            total.suspected_run = extreme.suspected().filter(|_| is_fast && is_open);
         }
         quality
     }

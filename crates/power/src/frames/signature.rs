@@ -10,6 +10,9 @@ const PARTS: usize = 256;
 const MAX_SAMPLES: usize = 1 << 17;
 
 /// The average course of power within the frames of a group.
+///
+/// The work of a frame and the idle time after it are stretched each to its mean share of a frame, so
+/// that both ends of the work line up.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Signature {
     /// Which of [`crate::Analysis::groups`].
@@ -47,12 +50,28 @@ pub struct Waveform {
 pub(crate) struct Signatures<'a> {
     spans: &'a Spans,
     sums: Vec<Vec<(f64, f64, u32)>>,
+    /// Mean share of work of each group.
+    busy: Vec<f64>,
     at: usize,
 }
 
 impl<'a> Signatures<'a> {
     pub(crate) fn new(spans: &'a Spans) -> Self {
-        Self { spans, sums: vec![vec![(0.0, 0.0, 0); PARTS]; spans.groups.len()], at: 0 }
+        let share = |group: usize| {
+            let (mut sum, mut n) = (0.0, 0.0f64);
+            for span in spans.list.iter().filter(|s| s.group == group) {
+                sum += (span.busy_end - span.start) / (span.end - span.start);
+                n += 1.0;
+            }
+            sum / n.max(1.0)
+        };
+        let groups = spans.groups.len();
+        Self {
+            spans,
+            sums: vec![vec![(0.0, 0.0, 0); PARTS]; groups],
+            busy: (0..groups).map(share).collect(),
+            at: 0,
+        }
     }
 
     pub(crate) fn push(&mut self, block: &PowerBlock) {
@@ -61,15 +80,24 @@ impl<'a> Signatures<'a> {
         while let (Some(span), true) = (self.spans.list.get(self.at), row < times.len()) {
             row += times[row..].partition_point(|&t| (t as f64) < span.start);
             let end = row + times[row..].partition_point(|&t| (t as f64) < span.end);
-            let scale = PARTS as f64 / (span.end - span.start);
+            let busy = self.busy[span.group] * PARTS as f64;
+            let work = busy / (span.busy_end - span.start);
+            let idle = (PARTS as f64 - busy) / (span.end - span.busy_end);
             let sums = &mut self.sums[span.group];
             for (&time, &watts) in times[row..end].iter().zip(&block.watts[row..end]) {
+                let time = time as f64;
+                let part = if time < span.busy_end {
+                    (time - span.start) * work
+                } else {
+                    busy + (time - span.busy_end) * idle
+                };
+                // A span without work or without idle time has no such samples.
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
                     reason = "0 to 256"
                 )]
-                let part = ((time as f64 - span.start) * scale) as usize;
+                let part = part as usize;
                 let (sum, squares, count) = &mut sums[part.min(PARTS - 1)];
                 let watts = f64::from(watts);
                 *sum += watts;
@@ -84,11 +112,10 @@ impl<'a> Signatures<'a> {
     }
 
     pub(crate) fn finish(self) -> Vec<Signature> {
-        let of = |(group, sums): (usize, Vec<(f64, f64, u32)>)| {
+        let of = |(group, sums): (usize, &Vec<(f64, f64, u32)>)| {
             let members = || self.spans.list.iter().filter(|s| s.group == group);
             let frames = members().count();
             let n = frames.max(1) as f64;
-            let share = |s: &super::spans::Span| (s.busy_end - s.start) / (s.end - s.start);
             let means = sums.iter().map(|(sum, _, n)| sum / f64::from(*n));
             let spread = |(sum, squares, count): &(f64, f64, u32)| {
                 let n = f64::from(*count);
@@ -98,12 +125,12 @@ impl<'a> Signatures<'a> {
                 group,
                 mean_w: means.collect(),
                 deviation_w: sums.iter().map(spread).collect(),
-                busy_share: members().map(share).sum::<f64>() / n,
+                busy_share: self.busy[group],
                 frame_s: members().map(|s| 1e-9 * (s.end - s.start)).sum::<f64>() / n,
                 frames,
             }
         };
-        self.sums.into_iter().enumerate().map(of).filter(|s| s.frames > 0).collect()
+        self.sums.iter().enumerate().map(of).filter(|s| s.frames > 0).collect()
     }
 }
 
