@@ -110,6 +110,9 @@ if [ "$setup" = 1 ]; then
   test -s out/ci-tune/device.toml
 fi
 
+step "power, from known truth"
+cargo xtask power demo --frames 64 --out out/ci-power
+
 step "report, merged"
 cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report
 
