@@ -11,11 +11,12 @@ pub(super) struct Curve<'a> {
     pub(super) values: Vec<Option<f64>>,
 }
 
-/// Curves over frames, from 0 up; a dashed line at `level`, if there is one.
+/// Curves over frames, from 0 up to `most` at most, where what is above runs along; a dashed line at
+/// `level`, if there is one.
 pub(super) fn frames(
     curves: &[Curve<'_>],
     y_label: &str,
-    level: Option<f64>,
+    (level, most): (Option<f64>, f64),
     description: &str,
 ) -> Result<String> {
     let count = curves.iter().map(|curve| curve.values.len()).max().unwrap_or(1).max(2);
@@ -24,7 +25,7 @@ pub(super) fn frames(
     let mut sorted: Vec<f64> = values().chain(level).filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let high = sorted.get((sorted.len().saturating_sub(1)) * 98 / 100).copied().unwrap_or(1.0);
-    let top = 1.25 * high.max(level.unwrap_or(0.0)).max(1e-9);
+    let top = (1.25 * high.max(level.unwrap_or(0.0)).max(1e-9)).min(most);
     draw(description, |area| {
         let x = LinearAxis::up_to(count as f64 - 1.0);
         let y = LinearAxis::up_to(top);
