@@ -12,7 +12,7 @@ use niwaki_core::{
     Hit, Intersector, Ray,
     glam::{Vec2, Vec3},
 };
-use niwaki_render::{Image, offset::CLEARANCE};
+use niwaki_render::{Image, offset::CLEARANCE, pcg4d};
 use niwaki_scene::{Camera, Scene};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -166,21 +166,6 @@ impl<I: Intersector + Sync + ?Sized> Twin<'_, I> {
             + material.specular * ((material.exponent + 2.0) * (0.5 / PI) * gloss);
         irradiance * cosine * lobe
     }
-}
-
-/// The pcg4d hash (Jarzynski and Olano 2020).
-fn pcg4d(words: [u32; 4]) -> [u32; 4] {
-    let mix = |v: &mut [u32; 4]| {
-        v[0] = v[0].wrapping_add(v[1].wrapping_mul(v[3]));
-        v[1] = v[1].wrapping_add(v[2].wrapping_mul(v[0]));
-        v[2] = v[2].wrapping_add(v[0].wrapping_mul(v[1]));
-        v[3] = v[3].wrapping_add(v[1].wrapping_mul(v[2]));
-    };
-    let mut v = words.map(|x| x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
-    mix(&mut v);
-    v = v.map(|x| x ^ (x >> 16));
-    mix(&mut v);
-    v
 }
 
 const fn unit(bits: u32) -> f32 {

@@ -70,6 +70,7 @@ pub use occlusion::{AmbientOcclusion, OcclusionSettings};
 pub use path::{PathSettings, PathTracer};
 pub use plan::{Decision, Effect, EffectPlan, Planning};
 pub use record::{RayKind, RaySets, RecordSettings, random_rays, record_rays};
+pub use rng::pcg4d;
 pub use stats::RenderStats;
 pub use tone::{Exposure, ToneCurve};
 pub use view::View;

@@ -6,7 +6,7 @@ use glam::Vec2;
 /// The pcg4d hash (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3)): four
 /// words in, four well-mixed words out.
 #[must_use]
-pub(crate) fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
+pub fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
     fn mix(v: &mut [u32; 4]) {
         v[0] = v[0].wrapping_add(v[1].wrapping_mul(v[3]));
         v[1] = v[1].wrapping_add(v[2].wrapping_mul(v[0]));

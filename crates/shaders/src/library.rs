@@ -67,6 +67,7 @@ const EMBEDDED: &[(&str, &str)] = embedded![
     "microbench/loads",
     "normals",
     "probe",
+    "random",
     "raster/forward",
     "raster/frame",
     "raster/light",

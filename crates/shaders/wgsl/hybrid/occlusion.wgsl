@@ -1,4 +1,5 @@
 //!import hybrid/visibility
+//!import random
 // Ambient occlusion by rays in the tree of the near region: twins of niwaki_render's rng, sampling and
 // occlusion, so that with the whole scene in the region the share is that of the CPU.
 
@@ -9,21 +10,6 @@ override OCCLUSION: bool = true;
 var<private> occlusion_pixel: u32;
 var<private> occlusion_first: u32;
 var<private> occlusion_count: u32;
-
-// The pcg4d hash (Jarzynski and Olano 2020).
-fn pcg4d(word: vec4u) -> vec4u {
-    var v = word * 1664525u + 1013904223u;
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    v ^= v >> vec4u(16u);
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    return v;
-}
 
 // What niwaki_render's Sampler makes of the seed 0: the first word of pcg4d(0, 0, 0, 0).
 fn plain_seed() -> u32 {

@@ -4,6 +4,7 @@
 // Twin: `reference.rs` of niwaki-gpu-tracer, line by line.
 //!import tracing
 //!import normals
+//!import random
 
 struct Frame {
     position: vec3f,
@@ -106,21 +107,6 @@ fn is_open(origin: vec3f, direction: vec3f, reach: f32) -> bool {
     }
     let hit = traverse(ray, Hit(ray.t_max, 0.0, 0.0, NO_PRIM), vec2u(FRESH, 0u));
     return hit.prim_id == NO_PRIM;
-}
-
-/// The pcg4d hash (Jarzynski and Olano 2020).
-fn pcg4d(words: vec4u) -> vec4u {
-    var v = words * 1664525u + 1013904223u;
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    v ^= v >> vec4u(16u);
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    return v;
 }
 
 /// The 24 high bits as a number in [0, 1).
