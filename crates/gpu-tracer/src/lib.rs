@@ -23,7 +23,7 @@
 //! ```
 //!
 //! A frame is two kernels: the nearest hit of each pixel, and its shading, in which all rays end at
-//! their first hit. [`reference`] does the same on the CPU.
+//! their first hit. [`mod@reference`] does the same on the CPU.
 
 mod layout;
 mod model;
