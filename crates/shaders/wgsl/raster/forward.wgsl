@@ -10,7 +10,7 @@ fn forward_main(
 ) -> @location(0) vec4f {
     // Through the 16 bytes that a G-buffer would hold, so that forward and deferred shading differ
     // in when they shade and not in what.
-    let bits = facing_pixel(in, in.first + primitive, select(-1.0, 1.0, front));
+    let bits = facing_pixel(in, in.first + primitive, select(-1.0, 1.0, front), false);
     let s = unpack_surface(bits, in.clip.xy, in.clip.z);
     var sum = base_radiance(s);
     for (var i = 0u; i < frame.light_count; i++) {
