@@ -1,7 +1,7 @@
 //! How long a frame will take: the instructions of its kernels, and the analytical model of
 //! `niwaki-gpu-model` on them.
 
-use crate::Kernel;
+use crate::{Kernel, settings::module};
 use niwaki_gpu_model::{
     Device, FrameModel, FramePrediction, KernelCounts, ModelError, RaySettings, Workload,
     counts::{self, CountError, Counted, Place},
@@ -56,10 +56,7 @@ impl TracerCounts {
     /// # Errors
     /// [`TracerCountError`], which does not happen with the modules that come with `niwaki-shaders`.
     pub fn new(layout: TreeLayout, mode: Mode, is_fused: bool) -> Result<Self, TracerCountError> {
-        let module = match layout {
-            TreeLayout::Binary => "tracer/binary",
-            TreeLayout::Wide => "tracer/wide",
-        };
+        let module = module(layout);
         let count = |kernel: Kernel| -> Result<Counted, TracerCountError> {
             let flag = |is: bool| f64::from(u8::from(is));
             let constants = [

@@ -1,6 +1,9 @@
 //! A scene on the device.
 
-use crate::layout::{LightWords, MaterialWords, light_count, mean_radiance, shapes};
+use crate::{
+    layout::{LightWords, MaterialWords, light_count, mean_radiance, shapes},
+    settings::module,
+};
 use niwaki_core::{Bvh, glam::Vec3};
 use niwaki_scene::Scene;
 use niwaki_trace::Mode;
@@ -72,9 +75,6 @@ impl TracedScene {
     /// The module of `niwaki-shaders` that traverses the tree.
     #[must_use]
     pub const fn module(&self) -> &'static str {
-        match self.tree.layout() {
-            TreeLayout::Binary => "tracer/binary",
-            TreeLayout::Wide => "tracer/wide",
-        }
+        module(self.tree.layout())
     }
 }

@@ -1,5 +1,7 @@
 //! What a frame does.
 
+use niwaki_trace_vulkan::TreeLayout;
+
 /// What a frame does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
@@ -62,5 +64,13 @@ impl Kernel {
             Self::Primary => "primary",
             Self::Shade => "shade",
         }
+    }
+}
+
+/// The module of `niwaki-shaders` that has the kernels over a layout of trees.
+pub(crate) const fn module(layout: TreeLayout) -> &'static str {
+    match layout {
+        TreeLayout::Binary => "tracer/binary",
+        TreeLayout::Wide => "tracer/wide",
     }
 }

@@ -98,9 +98,8 @@ impl FrameTracer {
         settings: &FrameSettings,
     ) -> Result<FrameCounts, GpuError> {
         let pixels = pixels_of(settings)?;
-        let work = [0, 1].map(|_| self.device.buffer(16 * u64::from(pixels.max(1))));
-        let [primary, shade] = work;
-        let work = [primary?, shade?];
+        let bytes = 16 * u64::from(pixels.max(1));
+        let work = [self.device.buffer(bytes)?, self.device.buffer(bytes)?];
         self.draw_counting(scene, camera, settings, Some(&work))?;
         let sum = |work: &Buffer| -> Result<Counts, GpuError> {
             let mut sum = Counts::default();
@@ -171,9 +170,7 @@ impl FrameTracer {
             }
             self.tracer.record_program(batch, &scene.tree, &program, &own, pixels)
         };
-        for frame in &frames[..1] {
-            record(&mut batch, Kernel::Primary, frame)?;
-        }
+        record(&mut batch, Kernel::Primary, &frames[0])?;
         batch.mark("primary")?;
         for frame in frames {
             record(&mut batch, Kernel::Shade, frame)?;

@@ -18,6 +18,7 @@ macro_rules! embedded {
 
 const EMBEDDED: &[(&str, &str)] = embedded![
     "boxes",
+    "clearance",
     "drive",
     "driver/common",
     "driver/enable_pipeline",

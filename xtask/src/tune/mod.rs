@@ -199,11 +199,7 @@ fn tour(
     let ladder = Ladder::ray_tracing(args.max_ao, args.ao_radius)?;
     // Kernels are compiled at the first frame.
     plant.probe(&stage, 0, &ladder.rungs()[ladder.top().min(2)])?;
-    let first = stage.sampling.sample(
-        &*stage.sampled.kernel,
-        &stage.sampled.mesh,
-        &stage.view(&stage.cameras[0]),
-    );
+    let first = stage.workload(&stage.sampling, &stage.cameras[0]);
     let target_ms = match args.target_ms {
         Some(target) => target,
         None => {
@@ -376,11 +372,7 @@ fn rank(
     let mut ranks = Vec::with_capacity(views);
     for view in 0..views {
         let frame = if views == 1 { 0 } else { view * (frames - 1) / (views - 1) };
-        let workload = stage.sampling.sample(
-            &*stage.sampled.kernel,
-            &stage.sampled.mesh,
-            &stage.view(&stage.cameras[frame]),
-        );
+        let workload = stage.workload(&stage.sampling, &stage.cameras[frame]);
         let mut timed = Vec::with_capacity(rungs.len());
         for &rung in &rungs {
             let settings = &ladder.rungs()[rung];

@@ -104,8 +104,7 @@ fn truths(stage: &Stage) -> Vec<sim::View> {
     let fine = Sampling { width: columns, height: rows, ..stage.sampling.clone() };
     let depth = TreeStats::of(&stage.bvh).depth_max as f64;
     let truth = |camera: &niwaki_scene::Camera| {
-        let sampled = &stage.sampled;
-        let workload = fine.sample(&*sampled.kernel, &sampled.mesh, &stage.view(camera));
+        let workload = stage.workload(&fine, camera);
         let walks = stage.walks(camera, FINE);
         let work: Vec<f64> =
             walks.iter().map(|&(nodes, triangles)| (nodes + triangles) as f64).collect();

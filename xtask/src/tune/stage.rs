@@ -5,6 +5,7 @@ use crate::{registry, scenes::SceneSpec};
 use anyhow::{Context, Result};
 use niwaki_core::{Bvh, Ray};
 use niwaki_frame_control::RenderSettings;
+use niwaki_gpu_model::Workload;
 use niwaki_gpu_model::workload::{CountingKernel, LightSample, SampledScene, Sampling, View};
 use niwaki_gpu_tracer::FrameSettings;
 use niwaki_scene::{Camera, LightKind, Scene};
@@ -78,6 +79,11 @@ impl Stage {
         let aspect = self.size[0] as f32 / self.size[1].max(1) as f32;
         let target = camera.position + camera.forward;
         View::look_at(camera.position, target, camera.up, camera.vertical_fov, aspect)
+    }
+
+    /// What the rays of a camera's view do, sampled now.
+    pub(super) fn workload(&self, sampling: &Sampling, camera: &Camera) -> Workload {
+        sampling.sample(&*self.sampled.kernel, &self.sampled.mesh, &self.view(camera))
     }
 
     /// Settings as the tracer knows them.

@@ -1,3 +1,4 @@
+//!import clearance
 //!import hybrid/scene
 //!import hybrid/shading
 // Rays in the near region: the tree, triangles, and the surfaces that rays meet.
@@ -22,9 +23,6 @@ const NO_TRIANGLE = 0xffffffffu;
 const INFINITE = 3.0e38;
 // One node a level: 30 bits of code and 32 of position are the deepest tree.
 const TREE_STACK = 64u;
-// niwaki_render::offset::CLEARANCE, and what forming a point in f32 errs by.
-const CLEARANCE = 1.9073523e-6;
-const POINT_ERROR = 9.6e-7;
 
 struct TreeHit {
     t: f32,

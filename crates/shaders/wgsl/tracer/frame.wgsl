@@ -3,6 +3,7 @@
 // import this define `traverse`, as for drive.wgsl. By itself, this file is no module.
 // Twin: `reference.rs` of niwaki-gpu-tracer, line by line.
 //!import tracing
+//!import clearance
 //!import normals
 //!import random
 
@@ -63,9 +64,6 @@ struct Light {
 @group(0) @binding(21) var<storage, read_write> image: array<vec4f>;
 
 const PI: f32 = 3.14159265;
-/// niwaki_render::offset::CLEARANCE, and what forming a point in f32 errs by.
-const CLEARANCE: f32 = 1.9073523e-6;
-const POINT_ERROR: f32 = 9.6e-7;
 
 fn pixel_of(id: vec3u, groups: vec3u) -> u32 {
     return id.y * groups.x * WORKGROUP + id.x;
