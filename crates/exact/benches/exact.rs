@@ -2,7 +2,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use niwaki_core::{Ray, Triangle, TriangleMesh, glam::Vec3};
-use niwaki_exact::{closest_in_mesh, contact, t_error_bound};
+use niwaki_exact::{Anchor, closest_in_mesh, contact, t_error_bound};
 use std::hint::black_box;
 
 fn exact(c: &mut Criterion) {
@@ -14,7 +14,7 @@ fn exact(c: &mut Criterion) {
     c.bench_function("contact, miss", |b| b.iter(|| contact(black_box(&down(0.9, 0.9)), &tri)));
     c.bench_function("contact, corner", |b| b.iter(|| contact(black_box(&down(0.0, 0.0)), &tri)));
     c.bench_function("t_error_bound", |b| {
-        b.iter(|| t_error_bound(black_box(&down(0.3, 0.2)), &tri));
+        b.iter(|| t_error_bound(black_box(&down(0.3, 0.2)), &tri, Anchor::First));
     });
     let triangles: Vec<_> = (0..1_000_000_u32)
         .map(|i| {

@@ -17,14 +17,26 @@ pub fn border_distance_ulps(ray: &Ray, triangle: &Triangle) -> f64 {
     View::of(ray).map_or(f64::INFINITY, |view| view.border_distance_ulps(triangle))
 }
 
+/// The corner of a triangle from which a kernel measures the distance to the plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Anchor {
+    /// Whichever makes the error least: kernels that weight the distances of all corners by the
+    /// barycentric coordinates, such as Woop's, come close to that. The default.
+    #[default]
+    Best,
+    /// The first, as Möller and Trumbore's: the error of the normal counts with the distance from
+    /// the origin to that corner, which is much where a needle's far end comes first.
+    First,
+}
+
 /// A bound on the error of `t` in `f32` kernels for a ray that passes through or next to a
 /// triangle, in the unit of `t`: 16 units of roundoff (2⁻²⁴) times the condition of Möller and
-/// Trumbore's quotient, plus what a shift of the ray by 16 units of the largest coordinate seen
-/// from the origin does to `t` (this is what shearing kernels such as Woop's add). It grows
-/// without limit as the ray comes to lie in the plane, and is infinite there and for input that
-/// is not finite.
+/// Trumbore's quotient, anchored as given, plus what a shift of the ray by 16 units of the largest
+/// coordinate seen from the origin does to `t` (this is what shearing kernels such as Woop's add).
+/// It grows without limit as the ray comes to lie in the plane, and is infinite there and for input
+/// that is not finite.
 #[must_use]
-pub fn t_error_bound(ray: &Ray, triangle: &Triangle) -> f64 {
+pub fn t_error_bound(ray: &Ray, triangle: &Triangle, anchor: Anchor) -> f64 {
     let origin = ray.origin.as_dvec3();
     let direction = ray.direction.as_dvec3();
     let corners = triangle.vertices().map(|v| v.as_dvec3());
@@ -37,8 +49,11 @@ pub fn t_error_bound(ray: &Ray, triangle: &Triangle) -> f64 {
     let (ab, ac) = (ab.abs(), ac.abs());
     let products =
         DVec3::new(ab.y * ac.z + ab.z * ac.y, ab.z * ac.x + ab.x * ac.z, ab.x * ac.y + ab.y * ac.x);
-    let nearest =
-        [a, b, c].map(|p| p.abs().dot(products)).into_iter().fold(f64::INFINITY, f64::min);
+    let far = [a, b, c].map(|p| p.abs().dot(products));
+    let far = match anchor {
+        Anchor::First => far[0],
+        Anchor::Best => far.into_iter().fold(f64::INFINITY, f64::min),
+    };
     // What f64 cannot tell from 0 is a plane that the ray may lie in.
     let sum = direction.abs().dot(products);
     let det = direction.dot(normal).abs() - sum * 2.0_f64.powi(-48);
@@ -47,7 +62,7 @@ pub fn t_error_bound(ray: &Ray, triangle: &Triangle) -> f64 {
     if !is_clear {
         return f64::INFINITY;
     }
-    let quotient = nearest + t.abs() * sum;
+    let quotient = far + t.abs() * sum;
     let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
     let shift = largest * normal.length();
     16.0 * f64::from(UNIT_ROUNDOFF) * (quotient + shift) / det

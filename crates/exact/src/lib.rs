@@ -46,7 +46,7 @@ mod settle;
 
 pub use closest::{Closest, closest, closest_in_mesh};
 pub use contact::{Contact, compare_t, contact, t};
-pub use difficulty::{border_distance_ulps, t_error_bound};
+pub use difficulty::{Anchor, border_distance_ulps, t_error_bound};
 pub use settle::{
     AnySettlement, Claim, SettleOptions, Settlement, Side, Verdict, settle, settle_any,
     settle_any_among, settle_any_with, settle_with,

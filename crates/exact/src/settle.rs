@@ -3,7 +3,7 @@
 use crate::{
     closest::near_line,
     contact::{Contact, contact, contact_of_line, forward, is_flat, is_sound, plane_t},
-    difficulty::{border_distance_ulps, t_error_bound},
+    difficulty::{Anchor, border_distance_ulps, t_error_bound},
 };
 use niwaki_core::{Hit, Ray, Triangle, TriangleMesh, glam::Vec3};
 use rayon::prelude::*;
@@ -74,6 +74,8 @@ pub struct SettleOptions {
     /// edge functions of a kernel, and the slabs of the boxes on the way, round a handful of
     /// times.
     pub border_ulps: f64,
+    /// Where distances are measured from, which says how exact they can be ([`t_error_bound`]).
+    pub anchor: Anchor,
     /// Search the whole mesh for a nearer hit that both missed, before the peer is found wrong or
     /// rounding is accepted. Default true; costs a scan of the mesh.
     pub scan: bool,
@@ -81,7 +83,7 @@ pub struct SettleOptions {
 
 impl Default for SettleOptions {
     fn default() -> Self {
-        Self { border_ulps: 8.0, scan: true }
+        Self { border_ulps: 8.0, anchor: Anchor::Best, scan: true }
     }
 }
 
@@ -401,7 +403,7 @@ fn examine_triangle(
             false_hit
         };
     };
-    let t_error = t_error_bound(ray, triangle);
+    let t_error = t_error_bound(ray, triangle, options.anchor);
     let in_range = t_min - t_error <= t && t <= t_max + t_error;
     if !(in_range && (near_border || crosses_inside(ray, triangle))) {
         return false_hit;

@@ -2,7 +2,7 @@
 
 use niwaki_core::{Ray, Triangle, TriangleMesh, glam::Vec3, to_u32};
 use niwaki_exact::{
-    Contact, Verdict, border_distance_ulps, closest, closest_in_mesh, compare_t, contact,
+    Anchor, Contact, Verdict, border_distance_ulps, closest, closest_in_mesh, compare_t, contact,
     settle_any, t, t_error_bound,
 };
 use num_rational::BigRational;
@@ -282,6 +282,28 @@ fn closed_meshes_are_closed_for_every_ray_from_inside() {
     }
 }
 
+/// `t` by Möller and Trumbore 1997, in the form with the normal, in f32.
+fn from_first_corner(ray: &Ray, tri: &Triangle) -> f64 {
+    let normal = (tri.v1 - tri.v0).cross(tri.v2 - tri.v0);
+    f64::from(normal.dot(tri.v0 - ray.origin) / normal.dot(ray.direction))
+}
+
+/// A needle of 190 units of length and 4 of width, hit at its blunt end.
+#[test]
+fn the_far_end_of_a_needle_makes_a_worse_first_corner() {
+    let ray = Ray::new(Vec3::new(3.999998, 1.0, 1.0), Vec3::new(-2.999998, 125.0, 0.0));
+    let far = Vec3::new(107.999954, 107.99993, 107.99991);
+    let tri = Triangle::new(far, Vec3::new(4.0, 1.0, 1.0), Vec3::ZERO);
+    let exact = t(&ray, &tri).unwrap();
+    let bound = |anchor| t_error_bound(&ray, &tri, anchor);
+    let error = (from_first_corner(&ray, &tri) - exact).abs();
+    assert!(error <= bound(Anchor::First), "{error:e}");
+    assert!(bound(Anchor::First) > 10.0 * bound(Anchor::Best));
+    let turned = Triangle::new(tri.v1, tri.v2, tri.v0);
+    let error = (from_first_corner(&ray, &turned) - exact).abs();
+    assert!(error <= bound(Anchor::Best), "{error:e}");
+}
+
 #[test]
 fn the_error_bound_of_t_holds_for_plain_f32_and_is_not_vacuous() {
     let (mut tested, mut tight) = (0, 0);
@@ -297,7 +319,7 @@ fn the_error_bound_of_t_holds_for_plain_f32_and_is_not_vacuous() {
             if !found.is_finite() || ray.direction.length_squared() < 1e-30 {
                 continue;
             }
-            let bound = t_error_bound(&ray, &tri);
+            let bound = t_error_bound(&ray, &tri, Anchor::First);
             assert!((found - exact).abs() <= bound, "{ray:?} {tri:?}: {found} {exact} ± {bound}");
             tested += 1;
             tight += u32::from(bound <= 1e-4 * exact.abs());

@@ -2,8 +2,8 @@
 
 use niwaki_core::{Hit, Ray, Triangle, TriangleMesh, glam::Vec3};
 use niwaki_exact::{
-    Claim, SettleOptions, Side, Verdict, settle, settle_any, settle_any_among, settle_any_with,
-    settle_with, t_error_bound,
+    Anchor, Claim, SettleOptions, Side, Verdict, settle, settle_any, settle_any_among,
+    settle_any_with, settle_with, t_error_bound,
 };
 
 /// Two unit squares of two triangles each, at z = 0 (0, 1) and z = −1 (2, 3), a copy of triangle
@@ -151,7 +151,7 @@ fn grazing(at: f32) -> (TriangleMesh, Ray) {
 fn a_large_error_bound_of_one_triangle_does_not_excuse_the_loss_of_another() {
     use Verdict::{OursWrong, PeerWrong, Tie};
     let (mesh, ray) = grazing(6.0);
-    let bound = t_error_bound(&ray, &mesh.triangle(1));
+    let bound = t_error_bound(&ray, &mesh.triangle(1), Anchor::Best);
     assert!((4.0..7.0).contains(&bound), "{bound}");
     for (name, at, sliver_t, verdict) in [
         ("the wall is before what was reported", 6.0, 10.2, OursWrong),
@@ -244,7 +244,7 @@ fn triangles_that_are_points_from_afar_have_an_error_bound() {
     let mesh = mesh.unwrap();
     let ray = Ray::new(Vec3::ONE, Vec3::NEG_ONE);
     for triangle in mesh.triangles() {
-        assert!(t_error_bound(&ray, &triangle) > 0.0, "{triangle:?}");
+        assert!(t_error_bound(&ray, &triangle, Anchor::Best) > 0.0, "{triangle:?}");
     }
     // Whichever is hit, and whether, is rounding.
     for (ours, theirs) in

@@ -16,8 +16,9 @@ pub enum Mode {
     /// 2³² times shorter than a scene of over 2³⁰ units is long, or shorter than 2⁻³² in others, and
     /// even thinner ones, may be missed or hit elsewhere. Nor is the edge opposite to a triangle's
     /// first corner sharp where it is much shorter than the other two: it moves by some units in the
-    /// last place of their product over its length, and where the angle at that corner, or
-    /// of the ray to the plane, is below 2⁻¹⁶, the distance of a hit may be any.
+    /// last place of their product over its length. Distances are those of that corner: the error of
+    /// the normal counts with how far it is, divided by the sine of its angle, and where that angle or
+    /// that of the ray to the plane is below 2⁻¹⁶, the distance of a hit may be any.
     Fast,
     /// No ray from inside a closed surface leaves it, whatever rounding does (Woop, Benthin and
     /// Wald 2013, with exact signs), provided that the origin is further inside than the rounding of

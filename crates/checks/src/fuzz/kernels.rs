@@ -3,7 +3,7 @@
 use super::{bytes::Bytes, world};
 use crate::{builders, exact_answers};
 use niwaki_core::{AreaScale, Bvh, Hit, Intersector, Ray, TriangleMesh, glam::Vec3};
-use niwaki_exact::{SettleOptions, Verdict, settle_any_with, settle_with};
+use niwaki_exact::{Anchor, SettleOptions, Verdict, settle_any_with, settle_with};
 use niwaki_hard_cases::median_tree;
 use niwaki_trace::{BinaryScene, BruteForce, HitQueries, Mode, WideScene};
 use niwaki_wide::{CollapseSettings, WideBvh};
@@ -157,9 +157,14 @@ fn settled(
 }
 
 /// What counts as rounding: in the fast mode, the edge between the second and the third corner is
-/// what the other two and the determinant leave, whose rounding counts for more the shorter it is.
+/// what the other two and the determinant leave, whose rounding counts for more the shorter it is,
+/// and distances are those of the first corner.
 fn options(mode: Mode, mesh: &TriangleMesh, hits: [&Hit; 2]) -> SettleOptions {
-    let mut options = SettleOptions::default();
+    let anchor = match mode {
+        Mode::Fast => Anchor::First,
+        Mode::Watertight => Anchor::Best,
+    };
+    let mut options = SettleOptions { anchor, ..SettleOptions::default() };
     for corners in hits.into_iter().filter_map(|hit| mesh.indices().get(hit.prim_id as usize)) {
         let [a, b, c] = corners.map(|i| mesh.positions()[i as usize].as_dvec3());
         let largest = a.abs().max(b.abs()).max(c.abs()).max_element();

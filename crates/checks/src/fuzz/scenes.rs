@@ -94,6 +94,15 @@ fn consistent(scene: &Scene) {
         assert!((0.0..=1.0).contains(&m.transmission) && m.ior.is_finite(), "{m:?}");
     }
     assert!(!scene.cameras.is_empty());
+    if scene.animation.is_some() {
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        scene.animate(0.5, &mut positions, &mut normals);
+        assert_eq!([positions.len(), normals.len()], [mesh.positions().len(), scene.normals.len()]);
+        let pose = scene.pose(0.5);
+        for (i, object) in scene.objects.iter().enumerate() {
+            let _ = scene.bounds_in(&pose, i, object.bounds);
+        }
+    }
     // Whatever is used is in the range of f32, so that builders take it.
     let bounds = mesh.bounds();
     assert!(bounds == Aabb::EMPTY || bounds.is_finite());
@@ -161,8 +170,24 @@ pub(crate) fn gltf_seeds() -> Vec<Vec<u8>> {
         r#""count":6,"type":"SCALAR"},
         {"bufferView":1,"componentType":5121,"count":4,"type":"VEC2","normalized":true}"#,
     );
+    // Corners for differences, and two keys of one weight at the same time.
+    let morph = r#","animations":[{"samplers":[{"input":2,"output":2}],
+        "channels":[{"sampler":0,"target":{"node":0,"path":"weights"}}]}]"#;
+    let morph = document(r#"{"mesh":0,"weights":[0.5],"scale":[-1,1,2]}"#, morph)
+        .replace(r#""indices":1}]"#, r#""indices":1,"targets":[{"POSITION":0}]}],"weights":[1]"#)
+        .replace(
+            r#""count":6,"type":"SCALAR"}"#,
+            r#""count":6,"type":"SCALAR"},{"bufferView":0,"componentType":5126,"count":2,"type":"SCALAR"},
+            {"componentType":5126,"count":4,"type":"VEC3","sparse":{"count":1,
+                "indices":{"bufferView":1,"componentType":5121},"values":{"bufferView":0}}}"#,
+        );
+    let sparse_morph = morph
+        .replace(r#""attributes":{"POSITION":0}"#, r#""attributes":{"POSITION":0,"NORMAL":0}"#)
+        .replace(r#""targets":[{"POSITION":0}]"#, r#""targets":[{"POSITION":3,"NORMAL":3}]"#);
     vec![
         glb(&plain, &square()),
+        glb(&morph, &square()),
+        glb(&sparse_morph, &square()),
         glb(&document(nodes, &more(image)).replace("\"count\":4", sparse), &square()),
         compress_to_vec(&glb(&plain, &square())[..], CompressionLevel::Fastest),
         external.into_bytes(),
