@@ -56,6 +56,12 @@ pub(crate) trait Counter {
     /// A visit of a node or leaf, by any number that is its own.
     #[inline(always)]
     fn at(&mut self, _place: u64) {}
+    /// A visit of the leaf of a wide tree that begins with this triangle.
+    #[inline(always)]
+    fn at_leaf(&mut self, first: u32) {
+        // Above all numbers of nodes.
+        self.at(1 << 32 | u64::from(first));
+    }
     fn node(&mut self, boxes: u32);
     fn boxes(&mut self, boxes: u32);
     fn leaf(&mut self, triangles: u32);

@@ -7,7 +7,7 @@ use crate::{
     kernels::scalar,
     query::{
         hits::Traverse,
-        visitor::{Closest, First, Visitor},
+        visitor::{Closest, Counted, First, Visitor},
     },
     setup::RaySetup,
     wide::{Layout, intersector, scene_methods},

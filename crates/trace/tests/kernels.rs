@@ -4,7 +4,7 @@ use fastrand::Rng;
 use niwaki_core::{
     Bvh, Hit, Intersector, Ray, Triangle, TriangleMesh, float::UNIT_ROUNDOFF, glam::Vec3,
 };
-use niwaki_exact::{Verdict, closest_in_mesh, settle, settle_any, t_error_bound};
+use niwaki_exact::{Anchor, Verdict, closest_in_mesh, settle, settle_any, t_error_bound};
 use niwaki_hard_cases::{self as hard, median_tree, soup_mesh};
 use niwaki_trace::{BinaryScene, QuantisedScene, WideScene, brute_force};
 use niwaki_wide::{CollapseMethod, CollapseSettings, WideBvh};
@@ -158,7 +158,8 @@ fn weights_bound(ray: &Ray, triangle: &Triangle) -> f64 {
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
     let shift = 16.0 * f64::from(UNIT_ROUNDOFF) * largest;
     let area = direction.dot((b - a).cross(c - a)).abs() / direction.length();
-    t_error_bound(ray, triangle) * direction.length() + shift * (1.0 + longest * longest / area)
+    let distance = t_error_bound(ray, triangle, Anchor::Best) * direction.length();
+    distance + shift * (1.0 + longest * longest / area)
 }
 
 #[test]

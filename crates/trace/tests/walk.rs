@@ -2,7 +2,7 @@
 
 use niwaki_build_sbvh::Sbvh;
 use niwaki_core::{Builder, Ray, TriangleMesh, glam::Vec3};
-use niwaki_trace::{BinaryScene, WideScene};
+use niwaki_trace::{BinaryScene, Counts, Kernel, QuantisedScene, WideScene};
 
 /// A floor of 30 × 30 squares.
 fn floor() -> TriangleMesh {
@@ -61,4 +61,74 @@ fn an_end_is_a_place() {
     }
     // The binary kernel tests the root's box first, and goes nowhere.
     assert_eq!(binary.closest_hit_walked(&down(-9.0, 3.0)).1.end, None);
+}
+
+/// Triangles of all sizes and directions, through and over each other.
+fn heap() -> TriangleMesh {
+    let mut random = fastrand::Rng::with_seed(7);
+    let mut corners = Vec::new();
+    for _ in 0..4_000 {
+        let mut point = || Vec3::new(random.f32(), random.f32(), random.f32());
+        let (at, size) = (point() * 20.0, point().x * 2.0);
+        corners.extend([at, at + point() * size, at + point() * size]);
+    }
+    let indices =
+        (0..u32::try_from(corners.len() / 3).unwrap()).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
+    TriangleMesh::new(corners, indices.collect()).unwrap()
+}
+
+/// Kernels with vectors find what the scalar one finds, and take the same way but for children as far
+/// as each other.
+#[test]
+fn every_kernel_counts_what_the_scalar_one_counts() {
+    let mesh = heap();
+    let bvh = Sbvh::default().build_mesh(&mesh).unwrap();
+    let mut random = fastrand::Rng::with_seed(3);
+    let rays: Vec<Ray> = (0..2_000)
+        .map(|_| {
+            let mut point = || Vec3::new(random.f32(), random.f32(), random.f32());
+            let (from, to) = (point() * 24.0 - 2.0, point() * 20.0);
+            Ray::new(from, to - from).with_range(0.0, 1.5 * point().x)
+        })
+        .collect();
+    macro_rules! compare {
+        ($scene:expr) => {{
+            let scene = $scene;
+            let (mut sums, mut twin) = ([Counts::default(); 2], [Counts::default(); 2]);
+            let mut alike = 0;
+            for ray in &rays {
+                let ((hit, walk), (wanted, way)) =
+                    (scene.closest_hit_traced(ray), scene.closest_hit_walked(ray));
+                assert_eq!(hit, wanted);
+                let ((is_hit, counts), (is_wanted, work)) =
+                    (scene.any_hit_traced(ray), scene.any_hit_counted(ray));
+                assert_eq!(is_hit, is_wanted);
+                alike += usize::from(walk == way && counts == work);
+                for (sums, more) in
+                    [(&mut sums, [walk.counts, counts]), (&mut twin, [way.counts, work])]
+                {
+                    sums[0] += more[0];
+                    sums[1] += more[1];
+                }
+            }
+            if scene.kernel() == Kernel::Scalar {
+                assert_eq!(alike, rays.len());
+            }
+            assert!(alike * 100 >= rays.len() * 90, "{:?}: {alike}", scene.kernel());
+            for (sum, twin) in sums.iter().zip(&twin) {
+                for (a, b) in [
+                    (sum.nodes, twin.nodes),
+                    (sum.boxes, twin.boxes),
+                    (sum.leaves, twin.leaves),
+                    (sum.triangles, twin.triangles),
+                ] {
+                    assert!(a > 1000 && a.abs_diff(b) * 100 <= b, "{:?}: {a} {b}", scene.kernel());
+                }
+            }
+        }};
+    }
+    for kernel in WideScene::<8>::kernels() {
+        compare!(WideScene::<8>::new(&bvh, &mesh).unwrap().with_kernel(kernel).unwrap());
+        compare!(QuantisedScene::<8>::new(&bvh, &mesh).unwrap().with_kernel(kernel).unwrap());
+    }
 }

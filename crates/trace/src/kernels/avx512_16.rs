@@ -4,6 +4,7 @@ use super::{
     batches::{AT_LEAVES, AT_NODES, DONE, Queues, RAYS, Waiting, define_batches},
     modes::define_kernels,
     quantised_boxes::define_quantised_boxes,
+    scalar::used_boxes,
     simd::define_traversal,
     simd_boxes::define_full_boxes,
     simd_fast::define_fast_corners,

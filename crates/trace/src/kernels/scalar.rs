@@ -91,9 +91,11 @@ fn traverse<
         }
         match child {
             Child::Leaf { first, count } => {
-                // Above all numbers of nodes.
-                counter.at(1 << 32 | u64::from(first));
+                counter.at_leaf(first);
                 counter.leaf(count);
+                if V::COUNTS {
+                    visitor.leaf(first, count);
+                }
                 let (first, count) = (first as usize, count as usize);
                 let t_min = setup.t_min;
                 let found = (&mut visitor, &mut limit);
@@ -105,6 +107,9 @@ fn traverse<
                 let node = &scene.nodes[index as usize];
                 counter.at(u64::from(index));
                 counter.node(node.used());
+                if V::COUNTS {
+                    visitor.node(index, node.used());
+                }
                 let base = stack.len();
                 node.entries(&slabs, setup.t_min, limit, |slot, entry| {
                     stack.push((Child::from_word::<W>(node.children()[slot]), entry));
@@ -115,6 +120,13 @@ fn traverse<
         }
     }
     visitor.answer()
+}
+
+/// How many boxes a node of either kind has.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(crate) fn used_boxes<const W: usize, N: Boxes<W>>(node: &N) -> u32 {
+    node.used()
 }
 
 /// The boxes of a node of either kind.
@@ -220,7 +232,7 @@ fn visit_leaf<const W: usize, const ANY: bool, N, T: TriangleTest, V: Visitor>(
             let found = Found { t: hit.t, u: hit.u, v: hit.v, det: 1.0, prim_id: id };
             if let Some(t) = visitor.take(found) {
                 *limit = t;
-                if ANY {
+                if ANY || V::ENDS_AT_LIMIT {
                     return true;
                 }
             }

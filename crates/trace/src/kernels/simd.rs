@@ -6,7 +6,7 @@
 /// `define_quantised_boxes`), the macro `$define_corners` a struct `Corners` (see
 /// `define_fast_corners` and `define_watertight_corners`).
 ///
-/// Needs, in scope: the type `Node`, whose field `children` is aligned for vectors; the vector types `Floats` and `Ints` of as many lanes as the tree is wide, the
+/// Needs, in scope: `used_boxes` of the scalar kernel; the type `Node`, whose field `children` is aligned for vectors; the vector types `Floats` and `Ints` of as many lanes as the tree is wide, the
 /// intrinsics for them under the short names of `vectors128`, `vectors256` or `vectors512`; and
 /// with the same features `hit_mask(enter, leave) -> u32`, the lanes with `enter ≤ leave`;
 /// `sorted_keys(keys, mask) -> Ints`, the keys of the lanes in a mask of at least two, sorted
@@ -196,6 +196,11 @@ macro_rules! define_traversal {
                 while word.cast_signed() >= 0 {
                     // SAFETY: the words of nodes in a tree are indices of its nodes.
                     let node = unsafe { nodes.add((word as usize) * size_of::<Node>()) };
+                    if V::COUNTS {
+                        // SAFETY: a node, as above.
+                        let boxes = used_boxes::<W, Node>(unsafe { &*node.cast::<Node>() });
+                        visitor.node(word, boxes);
+                    }
                     // SAFETY: as above.
                     let (enter, mask) = unsafe { ray.boxes(node, t_max) };
                     if mask == 0 {
@@ -239,9 +244,13 @@ macro_rules! define_traversal {
                     depth += left as usize;
                 }
                 if word.cast_signed() < 0 {
+                    if V::COUNTS {
+                        visitor.leaf(word & ((1 << SHIFT) - 1), (word >> SHIFT & LANE) + 1);
+                    }
                     // SAFETY: the word of a leaf of this scene.
                     let hits = unsafe { ray.leaf::<CAREFUL>(triangles, word, t_max) };
                     if hits.doubt {
+                        visitor.restart();
                         // SAFETY: the same promise.
                         return unsafe { closest_with_care(scene, setup, visitor) };
                     }
@@ -256,6 +265,9 @@ macro_rules! define_traversal {
                             let (u, v) = (lane(hits.u, i), lane(hits.v, i));
                             let det = lane(hits.det, i);
                             if let Some(t) = visitor.take(Found { t, u, v, det, prim_id }) {
+                                if V::ENDS_AT_LIMIT {
+                                    return visitor.answer();
+                                }
                                 t_max = splat(t);
                                 // Without the sign of −0.0, which is as far as 0.0.
                                 last_key = (t.abs().to_bits() | LANE).cast_signed();

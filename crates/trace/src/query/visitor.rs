@@ -1,6 +1,6 @@
 //! What a traversal does with the hits that it finds.
 
-use crate::{setup::RaySetup, triangle::no_hit};
+use crate::{counts::Counter, setup::RaySetup, triangle::no_hit};
 use niwaki_core::Hit;
 
 /// A hit as a kernel finds it.
@@ -36,6 +36,24 @@ pub trait Visitor: Sized {
     /// What it makes of the hits. Formed inside the kernel: a state that were returned instead would
     /// live in memory from its first change on, and the reader would wait for it.
     type Answer;
+
+    /// Whether it wants to know of every node and leaf. Kernels tell it nothing otherwise.
+    const COUNTS: bool = false;
+
+    /// Whether its first limit ends a traversal by distance too.
+    const ENDS_AT_LIMIT: bool = false;
+
+    /// Before a node with so many boxes is tested, by its number.
+    #[inline(always)]
+    fn node(&mut self, _index: u32, _boxes: u32) {}
+
+    /// Before a leaf of so many triangles is tested, by the number of the first.
+    #[inline(always)]
+    fn leaf(&mut self, _first: u32, _count: u32) {}
+
+    /// The traversal begins anew: what was told of nodes and leaves no longer counts.
+    #[inline(always)]
+    fn restart(&mut self) {}
 
     /// Whether a hit is of interest that lies in the ray's range and not past the last limit.
     fn wants(&self, t: f32, prim_id: u32) -> bool;
@@ -117,6 +135,59 @@ impl Visitor for First {
     #[inline(always)]
     fn answer(self) -> bool {
         self.is_hit
+    }
+}
+
+/// Another visitor, and the work on the way; `END` to stop at its first limit although nodes are visited
+/// by distance.
+pub(crate) struct Counted<V, C, const END: bool> {
+    visitor: V,
+    counter: C,
+}
+
+impl<V: Visitor, C: Counter + Default, const END: bool> Counted<V, C, END> {
+    #[inline(always)]
+    pub(crate) fn new(visitor: V) -> Self {
+        Self { visitor, counter: C::default() }
+    }
+}
+
+impl<V: Visitor, C: Counter + Default, const END: bool> Visitor for Counted<V, C, END> {
+    type Answer = (V::Answer, C);
+
+    const COUNTS: bool = true;
+    const ENDS_AT_LIMIT: bool = END;
+
+    #[inline(always)]
+    fn node(&mut self, index: u32, boxes: u32) {
+        self.counter.at(u64::from(index));
+        self.counter.node(boxes);
+    }
+
+    #[inline(always)]
+    fn leaf(&mut self, first: u32, count: u32) {
+        self.counter.at_leaf(first);
+        self.counter.leaf(count);
+    }
+
+    #[inline(always)]
+    fn restart(&mut self) {
+        self.counter = C::default();
+    }
+
+    #[inline(always)]
+    fn wants(&self, t: f32, prim_id: u32) -> bool {
+        self.visitor.wants(t, prim_id)
+    }
+
+    #[inline(always)]
+    fn take(&mut self, hit: Found) -> Option<f32> {
+        self.visitor.take(hit)
+    }
+
+    #[inline(always)]
+    fn answer(self) -> Self::Answer {
+        (self.visitor.answer(), self.counter)
     }
 }
 
