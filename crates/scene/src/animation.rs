@@ -1,21 +1,24 @@
 //! Motion: where objects are, and how they bend, at a point in time.
 //!
 //! An [`Animation`] is data, not code: a [`Motion`] an object, and a [`Rig`] of nodes that move by
-//! key frames, on which objects and the joints of skins may hang. [`Scene::pose`] evaluates it into
-//! one [`ObjectPose`] an object and one [`JointPose`] a joint, flat records that a GPU applies to
-//! every vertex by the equations that stand there; [`Scene::animate`] applies the same on the CPU.
+//! key frames, on which objects and the joints of skins may hang, and the weights of morph targets.
+//! [`Scene::pose`] evaluates it into one [`ObjectPose`] an object, one [`JointPose`] a joint and one
+//! weight a target, flat records that a GPU applies to every vertex by the equations that stand
+//! there; [`Scene::animate`] applies the same on the CPU.
 //! Poses are computed in `f64` from IEEE operations alone, so they are the same on every platform.
 
+mod morph;
 mod pose;
 mod rig;
 mod skin;
 mod track;
 
+pub use morph::{Difference, MorphError, MorphNormals, MorphWeights, Morphed, Targets};
 pub use pose::{ObjectPose, ScenePose};
 pub(crate) use rig::invert;
 pub use rig::{Placement, Rig, RigNode};
 pub use skin::{Influence, Joint, JointPose, Skin, SkinError, Skinned};
-pub use track::{Interpolation, Track, TrackError};
+pub use track::{Interpolation, Track, TrackError, WeightTrack};
 
 use crate::{Scene, generate::math::sin_cos_turns};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -35,22 +38,27 @@ pub struct Animation {
     pub rig: Arc<Rig>,
 }
 
-/// How one object moves: it bends first, then moves as a whole.
+/// How one object moves: it morphs first, then bends, then moves as a whole.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// As a whole.
     pub rigid: Rigid,
     /// How it bends, if it does.
     pub wave: Option<Wave>,
-    /// Index into [`Rig::skinned`] if joints bend it, before all else.
+    /// Index into [`Rig::skinned`] if joints bend it, before waves do.
     pub skinned: Option<u32>,
+    /// Index into [`Rig::morphed`] if it morphs, before all else.
+    pub morphed: Option<u32>,
 }
 
 impl Motion {
     /// True if it neither moves nor bends.
     #[must_use]
     pub fn is_rest(&self) -> bool {
-        self.rigid == Rigid::Rest && self.wave.is_none() && self.skinned.is_none()
+        self.rigid == Rigid::Rest
+            && self.wave.is_none()
+            && self.skinned.is_none()
+            && self.morphed.is_none()
     }
 }
 
@@ -174,7 +182,7 @@ pub struct Wave {
 }
 
 impl Animation {
-    /// Where objects `0..objects` and all joints are at `time`, in seconds from the beginning. A
+    /// Where objects `0..objects` and all joints are, and the weights of all morph targets, at `time`, in seconds from the beginning. A
     /// time that is not finite counts as 0.
     #[must_use]
     pub fn pose(&self, time: f64, objects: usize) -> ScenePose {
@@ -184,10 +192,14 @@ impl Animation {
             let motion = self.motions.get(i);
             motion.map_or(ObjectPose::REST, |motion| motion.pose(time, &worlds))
         };
-        ScenePose { objects: (0..objects).map(pose).collect(), joints: self.rig.joints(&worlds) }
+        ScenePose {
+            objects: (0..objects).map(pose).collect(),
+            joints: self.rig.joints(&worlds),
+            weights: self.rig.weights_at(Some(time)),
+        }
     }
 
-    /// Where objects `0..objects` are as [`Animation::pose`] says, without joints.
+    /// Where objects `0..objects` are as [`Animation::pose`] says, without joints and weights.
     #[must_use]
     pub fn poses(&self, time: f64, objects: usize) -> Vec<ObjectPose> {
         self.pose(time, objects).objects
@@ -197,6 +209,12 @@ impl Animation {
     #[must_use]
     pub fn skinned(&self, object: usize) -> Option<&Skinned> {
         self.rig.skinned.get(self.motions.get(object)?.skinned? as usize)
+    }
+
+    /// The vertices of an object that morphs.
+    #[must_use]
+    pub fn morphed(&self, object: usize) -> Option<&Morphed> {
+        self.rig.morphed.get(self.motions.get(object)?.morphed? as usize)
     }
 
     /// Where the joints of an object are among those of a pose.
@@ -223,18 +241,18 @@ impl Motion {
 }
 
 impl Scene {
-    /// Where every object of [`Scene::objects_or_whole`] and every joint is at `time`, in seconds;
-    /// all at rest without an animation.
+    /// Where every object of [`Scene::objects_or_whole`] and every joint is, and the weights of all
+    /// morph targets, at `time`, in seconds; all at rest without an animation.
     #[must_use]
     pub fn pose(&self, time: f64) -> ScenePose {
         let objects = self.objects.len().max(1);
         match &self.animation {
             Some(animation) => animation.pose(time, objects),
-            None => ScenePose { objects: vec![ObjectPose::REST; objects], joints: Vec::new() },
+            None => ScenePose { objects: vec![ObjectPose::REST; objects], ..ScenePose::default() },
         }
     }
 
-    /// Where every object is as [`Scene::pose`] says, without joints.
+    /// Where every object is as [`Scene::pose`] says, without joints and weights.
     #[must_use]
     pub fn poses(&self, time: f64) -> Vec<ObjectPose> {
         self.pose(time).objects
@@ -244,11 +262,22 @@ impl Scene {
     /// are its bounds at rest.
     #[must_use]
     pub fn bounds_in(&self, pose: &ScenePose, object: usize, rest: Aabb) -> Aabb {
-        let bent = self.animation.as_ref().and_then(|animation| {
-            let joints = pose.joints.get(animation.joints_of(object)?)?;
-            Some(animation.skinned(object)?.bounds(joints))
-        });
-        pose.objects.get(object).unwrap_or(&ObjectPose::REST).bounds(bent.unwrap_or(rest))
+        let mut shape = rest;
+        if let Some(animation) = &self.animation {
+            let morphed = animation
+                .morphed(object)
+                .and_then(|morphed| Some((morphed, pose.weights.get(morphed.weights())?)));
+            if let Some((morphed, weights)) = morphed {
+                shape = morphed.bounds(weights);
+            }
+            if let Some(skinned) = animation.skinned(object)
+                && let Some(joints) = animation.joints_of(object).and_then(|r| pose.joints.get(r))
+            {
+                let growth = morphed.map(|(morphed, weights)| morphed.growth(weights));
+                shape = skinned.bounds(joints, growth);
+            }
+        }
+        pose.objects.get(object).unwrap_or(&ObjectPose::REST).bounds(shape)
     }
 
     /// Writes the vertices, and the shading normals if the scene has any, as they are at `time`,
@@ -265,11 +294,21 @@ impl Scene {
             let range = object.vertices.start as usize..object.vertices.end as usize;
             let placed = positions.get_mut(range.clone()).unwrap_or(&mut []);
             let turned = normals.get_mut(range).unwrap_or(&mut []);
-            if let Some(animation) = &self.animation
-                && let Some(skinned) = animation.skinned(i)
-                && let Some(joints) = animation.joints_of(i).and_then(|r| pose.joints.get(r))
-            {
-                skinned.bend(joints, placed, turned);
+            if let Some(animation) = &self.animation {
+                let skinned = animation
+                    .skinned(i)
+                    .and_then(|skinned| Some((skinned, pose.joints.get(animation.joints_of(i)?)?)));
+                if let Some((skinned, _)) = skinned {
+                    skinned.place(placed, turned);
+                }
+                if let Some(morphed) = animation.morphed(i)
+                    && let Some(weights) = pose.weights.get(morphed.weights())
+                {
+                    morphed.shape(weights, placed, turned);
+                }
+                if let Some((skinned, joints)) = skinned {
+                    skinned.bend(joints, placed, turned);
+                }
             }
             if place.is_rest() {
                 continue;

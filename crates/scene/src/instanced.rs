@@ -1,16 +1,17 @@
 //! Scenes as meshes and the places where they stand.
 
+mod moves;
+
 use crate::{
-    Animation, Camera, Dropped, Environment, Light, Material, Motion, Object, Rig, Rigid, Scene,
-    Texture,
-    animation::{Influence, JointPose, SkinError, Skinned, invert},
+    Camera, Dropped, Environment, Light, Material, Object, Rig, Scene, Texture,
+    animation::{Influence, JointPose, MorphError, SkinError, Targets},
     load::LoadOptions,
     object::bounds_of,
 };
 use glam::{DAffine3, Vec2, Vec3};
+use moves::{Moves, Place};
 use niwaki_core::{Aabb, MeshError, TriangleMesh, to_u32};
 use rayon::prelude::*;
-use std::{ops::Range, sync::Arc};
 
 /// Triangles of one material in their own coordinates (a primitive of glTF, a group of OBJ).
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +26,8 @@ pub struct Part {
     pub uvs: Vec<Vec2>,
     /// On which joints the vertices hang where an instance has a skin, one a vertex, or empty.
     pub influences: Vec<Influence>,
+    /// Its morph targets, if it has any.
+    pub targets: Option<Targets>,
     /// Index into the scene's materials.
     pub material: u32,
 }
@@ -43,13 +46,16 @@ pub struct Instance {
     /// Index into [`Rig::skins`]: what bends it, if anything does. Joints then say where the
     /// vertices are, and neither transform nor node does.
     pub skin: Option<u32>,
+    /// Index into [`Rig::weights`]: how far it goes to the targets of its part. Without, as all
+    /// else that is not there, it stays as it is.
+    pub weights: Option<u32>,
 }
 
 impl Instance {
     /// A part that does not move.
     #[must_use]
     pub const fn still(part: u32, transform: DAffine3) -> Self {
-        Self { part, transform, node: None, skin: None }
+        Self { part, transform, node: None, skin: None, weights: None }
     }
 }
 
@@ -72,7 +78,7 @@ pub struct InstancedScene {
     pub lights: Vec<Light>,
     /// The light that the file says comes from outside, `None` if it says nothing.
     pub environment: Option<Environment>,
-    /// How instances move, if any does; no vertices hang on its skins yet.
+    /// How instances move, if any does; no vertices hang on its skins and weights yet.
     pub rig: Rig,
     /// How many seconds that motion has.
     pub duration: f64,
@@ -107,6 +113,26 @@ pub enum FlattenError {
         /// What is wrong.
         source: SkinError,
     },
+    /// A part has not as many of everything, or its instance not as many weights. Remedy: correct
+    /// the part's targets, or the weights.
+    #[error("{part}: {source}")]
+    Morph {
+        /// The part's name.
+        part: String,
+        /// What is wrong.
+        source: MorphError,
+    },
+    /// The instances that morph have more differences to their targets together than the options
+    /// allow. Remedy: raise the limit.
+    #[error(
+        "flattened, the morph targets of the instances take {bytes} bytes; the limit is {limit}"
+    )]
+    TooManyDifferences {
+        /// Of all instances.
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
     /// The core refuses the triangles.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -127,6 +153,15 @@ impl InstancedScene {
             .sum()
     }
 
+    /// What the targets of all instances take that go to some.
+    fn morph_bytes(&self) -> u64 {
+        let targets = |i: &Instance| {
+            i.weights.and_then(|_| self.parts.get(i.part as usize)?.targets.as_ref())
+        };
+        let bytes = |t: &Targets| (size_of_val(t.differences()) + size_of_val(t.starts())) as u64;
+        self.instances.iter().filter_map(targets).map(bytes).fold(0, u64::saturating_add)
+    }
+
     /// All instances as triangles in the world, in order, each an [`Object`]. Triangles whose vertices a transform
     /// takes out of the range of `f32` are dropped and counted.
     ///
@@ -134,7 +169,8 @@ impl InstancedScene {
     /// (as glTF 2.0 §3.7.2.1 asks), for which their triangles stop sharing vertices.
     ///
     /// # Errors
-    /// [`FlattenError::TooLarge`] before anything is allocated.
+    /// [`FlattenError::TooLarge`] and [`FlattenError::TooManyDifferences`] before anything is
+    /// allocated, [`FlattenError::Skin`] and [`FlattenError::Morph`].
     pub fn flatten(mut self, options: &LoadOptions) -> Result<Scene, FlattenError> {
         let any_normals = self.parts.iter().any(|p| !p.normals.is_empty());
         let any_uvs = self.parts.iter().any(|p| !p.uvs.is_empty());
@@ -146,6 +182,10 @@ impl InstancedScene {
         let limit = options.max_triangles;
         if triangles > limit || vertices >= u64::from(u32::MAX) {
             return Err(FlattenError::TooLarge { triangles, vertices, limit });
+        }
+        let bytes = self.morph_bytes();
+        if bytes > options.max_bytes {
+            return Err(FlattenError::TooManyDifferences { bytes, limit: options.max_bytes });
         }
         let material_count = self.materials.len();
         let mut moves = Moves::new(std::mem::take(&mut self.rig));
@@ -164,7 +204,9 @@ impl InstancedScene {
                 let motion = moves.motion(part, instance, &mut self.dropped)?;
                 let joints = moves.joints(instance).filter(|_| !part.influences.is_empty());
                 let place = joints.map_or(Place::At(instance.transform), Place::By);
-                out.append(part, &place, any_uvs, &mut self.dropped);
+                let shape = moves.shape(part, instance);
+                let shape = (shape.0.as_ref(), shape.1.as_ref());
+                out.append(part, shape, &place, any_uvs, &mut self.dropped);
                 if let Some(object) = out.objects.last_mut() {
                     object.dynamic = !motion.is_rest();
                 }
@@ -222,19 +264,22 @@ impl Flat {
         self.uvs.reserve_exact(if uvs { vertices } else { 0 });
     }
 
-    fn append(&mut self, part: &Part, at: &Place<'_>, uvs: bool, dropped: &mut Dropped) {
-        let first = self.positions.len();
-        let base = to_u32(first);
-        let identity = matches!(at, Place::At(transform) if *transform == DAffine3::IDENTITY);
+    /// Adds positions and normals where a place takes them.
+    fn place(
+        &mut self,
+        (positions, normals): (&[Vec3], &[Vec3]),
+        influences: &[Influence],
+        at: &Place<'_>,
+    ) {
         let mirrored = at.mirrors();
         match at {
-            Place::At(_) if identity => {
-                self.positions.extend_from_slice(part.mesh.positions());
-                self.normals.extend_from_slice(&part.normals);
+            Place::At(_) if at.is_identity() => {
+                self.positions.extend_from_slice(positions);
+                self.normals.extend_from_slice(normals);
             }
             Place::At(transform) => {
                 let place = |p: &Vec3| transform.transform_point3(p.as_dvec3()).as_vec3();
-                self.positions.par_extend(part.mesh.positions().par_iter().map(place));
+                self.positions.par_extend(positions.par_iter().map(place));
                 // Normals transform by the inverse transpose; the cofactors are the same up to a
                 // positive factor once the sign of the determinant is put right, and exist always.
                 let m = transform.matrix3;
@@ -244,23 +289,39 @@ impl Flat {
                     m.z_axis.cross(m.x_axis) * sign,
                     m.x_axis.cross(m.y_axis) * sign,
                 ];
-                self.normals.par_extend(part.normals.par_iter().map(|n| {
+                self.normals.par_extend(normals.par_iter().map(|n| {
                     let n = n.as_dvec3();
                     let turned = cofactors[0] * n.x + cofactors[1] * n.y + cofactors[2] * n.z;
                     turned.try_normalize().map_or(Vec3::Y, |n| n.as_vec3())
                 }));
             }
             Place::By(joints) => {
-                let pairs = part.mesh.positions().par_iter().zip(&part.influences);
+                let pairs = positions.par_iter().zip(influences);
                 let point = |(p, i): (&Vec3, &Influence)| JointPose::blended(joints, i).point(*p);
                 self.positions.par_extend(pairs.map(point));
-                let pairs = part.normals.par_iter().zip(&part.influences);
+                let pairs = normals.par_iter().zip(influences);
                 let sign = if mirrored { -1.0 } else { 1.0 };
                 let normal =
                     |(n, i): (&Vec3, &Influence)| JointPose::blended(joints, i).normal(*n * sign);
                 self.normals.par_extend(pairs.map(normal));
             }
         }
+    }
+
+    /// Adds a part whose positions and normals are those of `shape`.
+    fn append(
+        &mut self,
+        part: &Part,
+        shape: (&[Vec3], &[Vec3]),
+        at: &Place<'_>,
+        uvs: bool,
+        dropped: &mut Dropped,
+    ) {
+        let first = self.positions.len();
+        let base = to_u32(first);
+        let identity = at.is_identity();
+        let mirrored = at.mirrors();
+        self.place(shape, &part.influences, at);
         self.uvs.extend_from_slice(&part.uvs);
         if uvs {
             self.uvs.resize(self.positions.len(), Vec2::ZERO);
@@ -294,117 +355,19 @@ impl Flat {
     }
 }
 
-/// Where an instance stands at rest.
-enum Place<'a> {
-    At(DAffine3),
-    /// Where these joints take its vertices.
-    By(&'a [JointPose]),
-}
-
-impl Place<'_> {
-    /// True if it turns triangles inside out.
-    fn mirrors(&self) -> bool {
-        match self {
-            Self::At(transform) => transform.matrix3.determinant() < 0.0,
-            Self::By(joints) => {
-                let mirrors = |joint: &&JointPose| {
-                    let [a, b, c] = joint.rows.map(|row| row.truncate().as_dvec3());
-                    a.dot(b.cross(c)) < 0.0
-                };
-                2 * joints.iter().filter(mirrors).count() > joints.len()
-            }
-        }
-    }
-}
-
-/// The motions of the objects, as they are flattened.
-struct Moves {
-    rig: Rig,
-    /// Where the nodes rest.
-    worlds: Vec<DAffine3>,
-    /// What the joints of all skins do at rest, and which are each skin's.
-    joints: Vec<JointPose>,
-    ranges: Vec<Range<usize>>,
-    motions: Vec<Motion>,
-}
-
-impl Moves {
-    fn new(rig: Rig) -> Self {
-        let worlds = rig.worlds(None);
-        let joints = rig.joints(&worlds);
-        let mut next = 0;
-        let range = |skin: &crate::animation::Skin| {
-            let first = next;
-            next += skin.joints.len();
-            first..next
-        };
-        let ranges = rig.skins.iter().map(range).collect();
-        Self { rig, worlds, joints, ranges, motions: Vec::new() }
-    }
-
-    /// What the joints of an instance do at rest, if it has a skin.
-    fn joints(&self, instance: &Instance) -> Option<&[JointPose]> {
-        self.joints.get(self.ranges.get(instance.skin? as usize)?.clone())
-    }
-
-    fn motion(
-        &mut self,
-        part: &Part,
-        instance: &Instance,
-        dropped: &mut Dropped,
-    ) -> Result<Motion, FlattenError> {
-        if let Some(number) = instance.skin
-            && let Some(skin) = self.rig.skins.get(number as usize)
-            && !part.influences.is_empty()
-        {
-            let mirrored = self.joints(instance).is_some_and(|joints| Place::By(joints).mirrors());
-            let sign = if mirrored { -1.0 } else { 1.0 };
-            // Also where nothing moves: what follows relies on the numbers of joints.
-            let skinned = Skinned::new(
-                number,
-                skin.joints.len(),
-                part.mesh.positions().to_vec(),
-                part.normals.iter().map(|n| *n * sign).collect(),
-                part.influences.clone(),
-            )
-            .map_err(|source| FlattenError::Skin { part: part.name.clone(), source })?;
-            if skin.joints.iter().all(|joint| joint.node.is_none()) {
-                return Ok(Motion::default());
-            }
-            self.rig.skinned.push(skinned);
-            let skinned = Some(to_u32(self.rig.skinned.len() - 1));
-            return Ok(Motion { skinned, ..Motion::default() });
-        }
-        let Some(node) = instance.node else { return Ok(Motion::default()) };
-        match self.worlds.get(node as usize).and_then(invert) {
-            Some(from_rest) => {
-                Ok(Motion { rigid: Rigid::Node { node, from_rest }, ..Motion::default() })
-            }
-            None => {
-                dropped.animations += 1;
-                dropped.note(|| format!("{}: it is flat at rest, so it cannot move", part.name));
-                Ok(Motion::default())
-            }
-        }
-    }
-
-    /// The animation, if anything moves.
-    fn finish(self, duration: f64) -> Option<Animation> {
-        let moves = self.motions.iter().any(|motion| !motion.is_rest());
-        // A single pose has no length, but there is something to show.
-        let duration = if duration > 0.0 { duration } else { 1.0 };
-        moves.then(|| Animation { motions: self.motions, duration, rig: Arc::new(self.rig) })
-    }
-}
-
 /// Gives every triangle of a part its own vertices with its own normal.
 fn facet(part: &mut Part) {
-    let mesh = std::mem::take(&mut part.mesh);
-    // Sixfold growth at most, and only where a file mixes; too many vertices stay as they were.
-    if mesh.len() >= (u32::MAX / 3) as usize {
-        part.mesh = mesh;
+    // Sixfold growth at most, and only where a file mixes; too many vertices, and too many
+    // differences, stay as they were.
+    if part.mesh.len() >= (u32::MAX / 3) as usize {
         return;
     }
+    if let Some(targets) = &part.targets {
+        let corners = part.mesh.indices().iter().flatten().map(|&i| i as usize);
+        let Some(gathered) = targets.gathered(corners) else { return };
+        part.targets = Some(gathered.faceted());
+    }
+    let mesh = std::mem::take(&mut part.mesh);
     let flat = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
     let normal = |t: niwaki_core::Triangle| {
         let [a, b, c] = t.vertices().map(|v| v.as_dvec3());

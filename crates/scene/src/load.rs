@@ -6,6 +6,7 @@ mod gltf;
 mod gltf_animation;
 mod gltf_material;
 mod gltf_mesh;
+mod gltf_morph;
 mod gltf_skin;
 mod image;
 mod mtl;
@@ -52,8 +53,8 @@ impl Default for LoadOptions {
 /// with every instance of a mesh as triangles of its own.
 ///
 /// What can be kept is kept, degenerate triangles included; [`Scene::dropped`] counts and names
-/// what cannot. A scene stands as the file says that it rests; [`Scene::animation`] moves nodes and
-/// skins by the animation that the options name. Morph targets are not read.
+/// what cannot. A scene stands as the file says that it rests; [`Scene::animation`] moves nodes,
+/// skins and the weights of morph targets by the animation that the options name.
 ///
 /// # Errors
 /// [`LoadError`] says what in which file is wrong and what helps.
@@ -64,6 +65,18 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, LoadError> {
             at: part,
             reason: source.to_string(),
             remedy: "correct the joints, or bind the mesh to its skin again",
+        },
+        FlattenError::Morph { part, source } => LoadError::Gltf {
+            path: path.into(),
+            at: part,
+            reason: source.to_string(),
+            remedy: "give every vertex its differences, and every target its weight",
+        },
+        FlattenError::TooManyDifferences { limit, .. } => LoadError::TooLarge {
+            path: path.into(),
+            what: "its morph targets, one of each for every node that morphs,",
+            limit,
+            option: "max_bytes",
         },
         FlattenError::Mesh(source) => LoadError::Mesh { path: path.into(), source },
         FlattenError::TooLarge { limit, .. } => LoadError::TooLarge {

@@ -56,9 +56,12 @@ pub struct Material {
     /// of its front (the faces of a G-buffer cube map: Ganestam and Doggett 2015, §3.4), in units
     /// of the diagonal of the scene's bounds, 0 to 1. A ray that comes to lie at most this far
     /// behind the front has met the object; one further behind has passed it. 0 is perfectly
-    /// thin, 1 has no end, as for walls. Exact ray tracing has no use for it. Loaders and
-    /// generators set it by [`Scene::derive_thickness`](crate::Scene::derive_thickness).
+    /// thin, 1 has no end, as for walls. Of what transmits light it is how long rays are inside of
+    /// it in the mean. Exact ray tracing has no use for it. Loaders and generators set it by [`Scene::derive_thickness`](crate::Scene::derive_thickness).
     pub thickness: f32,
+    /// What transmits light are walls (panes, glasses, bottles) which rays pass without being bent in
+    /// all, not bodies (balls, liquids). It matters where `thickness` does, and is derived with it.
+    pub thin_walled: bool,
 }
 
 impl Default for Material {
@@ -79,6 +82,7 @@ impl Default for Material {
             alpha_mode: AlphaMode::Opaque,
             alpha: 1.0,
             thickness: 1.0,
+            thin_walled: false,
         }
     }
 }

@@ -50,6 +50,10 @@ fn mean_chord(mesh: &TriangleMesh, object: &Object) -> f64 {
     if surface > 0.0 { 4.0 * volume.abs() / surface } else { 0.0 }
 }
 
+/// The share of the mean side of its bounds that the mean chord of a body of glass has at least: a
+/// ball has 0.67, a figure about 0.4, a drinking glass 0.05.
+const SOLID: f64 = 0.2;
+
 impl Object {
     /// All of a mesh as one object that does not move.
     #[must_use]
@@ -83,12 +87,18 @@ impl Scene {
     /// other is as deep as rays through it are long in the mean: four times its volume over its
     /// surface (Cauchy's formula for the mean chord of a body), at most its longest side, over the
     /// scene's diagonal; sheets hold no volume and are thin. A material takes the largest of its
-    /// objects; one that transmits light is thin (§3.4 of the paper): 0.
+    /// objects.
+    ///
+    /// One that transmits light takes the smallest mean chord, and its walls are thin
+    /// ([`Material::thin_walled`]) if some object that wears it is no body of it alone: where the mean
+    /// chord is less than a fifth of the mean side of the bounds, and where the object wears other
+    /// materials too.
     pub fn derive_thickness(&mut self) {
         let objects = self.objects_or_whole().into_owned();
         let bounds = self.mesh.bounds();
         let diagonal = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length();
         let mut thickness = vec![None; self.materials.len()];
+        let mut thin = vec![false; self.materials.len()];
         for object in &objects {
             let size = object.bounds.max.as_dvec3() - object.bounds.min.as_dvec3();
             // A long arch hides little, so the length of one side makes no wall.
@@ -104,20 +114,34 @@ impl Scene {
                 continue;
             }
             let range = object.triangles.start as usize..object.triangles.end as usize;
+            let ids = self.material_ids.get(range).unwrap_or(&[]);
+            // A window is not as deep as its house.
+            let is_body = chord >= SOLID * size.element_sum() / 3.0
+                && ids.iter().all(|id| Some(id) == ids.first());
+            #[expect(clippy::cast_possible_truncation, reason = "a share of one in f32 is enough")]
+            let inside = (chord / diagonal).clamp(0.0, 1.0) as f32;
             let mut last = None;
-            for &id in self.material_ids.get(range).unwrap_or(&[]) {
+            for &id in ids {
                 // Triangles of one material lie together.
                 if last.replace(id) != Some(id)
                     && let Some(entry) = thickness.get_mut(id as usize)
                 {
-                    *entry = Some(entry.unwrap_or(0.0_f32).max(deep));
+                    let passes = self.materials[id as usize].transmission > 0.0;
+                    thin[id as usize] |= !is_body;
+                    *entry = Some(match *entry {
+                        Some(other) if passes => inside.min(other),
+                        Some(other) => deep.max(other),
+                        None if passes => inside,
+                        None => deep,
+                    });
                 }
             }
         }
-        for (material, thickness) in self.materials.iter_mut().zip(thickness) {
+        for ((material, thickness), thin) in self.materials.iter_mut().zip(thickness).zip(thin) {
+            material.thin_walled = material.transmission > 0.0 && thin;
             material.thickness = match thickness {
-                _ if material.transmission > 0.0 => 0.0,
                 Some(thickness) => thickness,
+                None if material.transmission > 0.0 => 0.0,
                 None => Material::default().thickness,
             };
         }

@@ -31,7 +31,7 @@ pub struct Dropped {
     pub attributes: usize,
     /// Cameras and lights that say nothing usable.
     pub cameras_and_lights: usize,
-    /// Channels of the animation that move what is not read (morph targets), and objects that it
+    /// Channels of the animation that move what is not read, and objects that it
     /// moves from nothing and to nothing, which rest.
     pub animations: usize,
     /// What was left out and why, in the order found, at most 64 lines; the counts go on.

@@ -286,10 +286,10 @@ fn which_animation_moves_the_scene_can_be_chosen() {
 }
 
 #[test]
-fn morph_targets_are_counted_and_named() {
+fn channels_of_unknown_paths_are_counted_and_named() {
     let mut file = File::default();
     let mesh = file.square();
-    file.channel(0, "weights", "LINEAR", &[0.0, 1.0], &[[0.0], [1.0]]);
+    file.channel(0, "colour", "LINEAR", &[0.0, 1.0], &[[0.0], [1.0]]);
     file.channel(0, "translation", "LINEAR", &[0.0, 1.0], &[[0.0; 3], [1.0; 3]]);
     let scene = loaded(&file.glb(&file.json(r#"{"mesh":0}"#, &mesh, "")));
     assert_eq!(scene.dropped.animations, 1);

@@ -88,7 +88,7 @@ proptest! {
         prop_assume!(axis.length() > 0.1);
         let hop = Hop { pivot, axis: axis.normalize(), jump, sway, turns, period: 1.7,
             airborne: 0.6, sway_period: 2.3, ..Hop::default() };
-        let pose = pose_of(Motion { rigid: Rigid::Hop(hop), wave: None, skinned: None }, time);
+        let pose = pose_of(Motion { rigid: Rigid::Hop(hop), ..Motion::default() }, time);
         let (before, after) = (a.distance(b), pose.point(a).distance(pose.point(b)));
         prop_assert!((before - after).abs() < 1e-4, "{before} {after}");
         let [x, y, z] = pose.rows.map(Vec4::truncate);
@@ -103,7 +103,7 @@ proptest! {
         let wave = Wave { displacement: d, wave: k, frequency: 0.7, phase: 0.2, hold: h,
             hold_offset: 0.5 };
         let hop = Hop { turns: 0.3, jump: Vec3::Y, ..Hop::default() };
-        let pose = pose_of(Motion { rigid: Rigid::Hop(hop), wave: Some(wave), skinned: None }, time);
+        let pose = pose_of(Motion { rigid: Rigid::Hop(hop), wave: Some(wave), ..Motion::default() }, time);
         // Away from where the weight begins and ends, and from surfaces bent over themselves.
         let s = h.dot(p) + 0.5;
         prop_assume!((0.01..0.99).contains(&s));
@@ -129,7 +129,7 @@ proptest! {
             sway_phase: v[11] };
         let wave = Wave { displacement: axis, wave: axis, frequency: v[12], phase: v[13],
             hold: axis, hold_offset: v[11] };
-        let pose = pose_of(Motion { rigid: Rigid::Hop(hop), wave: Some(wave), skinned: None }, time);
+        let pose = pose_of(Motion { rigid: Rigid::Hop(hop), wave: Some(wave), ..Motion::default() }, time);
         let all = pose.rows.into_iter().chain([pose.displacement, pose.wave, pose.hold]);
         prop_assert!(all.into_iter().all(Vec4::is_finite));
     }
@@ -138,7 +138,7 @@ proptest! {
 #[test]
 fn a_hop_lands_where_it_stood() {
     let hop = Hop { jump: Vec3::Y, turns: 2.0, airborne: 0.5, ..Hop::default() };
-    let motion = Motion { rigid: Rigid::Hop(hop), wave: None, skinned: None };
+    let motion = Motion { rigid: Rigid::Hop(hop), ..Motion::default() };
     for (time, height) in [(0.0, 0.0), (0.25, 1.0), (0.5, 0.0), (0.8, 0.0), (1.25, 1.0)] {
         let p = pose_of(motion.clone(), time).point(Vec3::X);
         assert!((p.y - height).abs() < 1e-6 && (p.x.hypot(p.z) - 1.0).abs() < 1e-6, "{time}: {p}");

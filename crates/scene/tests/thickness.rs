@@ -76,12 +76,51 @@ fn grounds_and_walls_have_no_end_unless_they_move() {
 }
 
 #[test]
-fn sheets_points_and_glass_are_thin() {
+fn sheets_and_points_are_thin() {
     let sheet = boxes(&with_ground(Vec3::new(3.0, 4.0, 0.0)), false);
     assert_eq!(thickness(sheet, 1).0, 0.0);
     let point = boxes(&with_ground(Vec3::ZERO), false);
     assert_eq!(thickness(point, 1).0, 0.0);
-    let mut glass = boxes(&with_ground(Vec3::ONE), false);
-    glass.materials[1] = Material::glass("glass", 1.5);
-    assert_eq!(thickness(glass, 1).0, 0.0);
+}
+
+#[test]
+fn bodies_of_glass_are_told_from_walls_of_glass() {
+    let glass = |mut scene: Scene| {
+        scene.materials[1] = Material::glass("glass", 1.5);
+        scene
+    };
+    // The mean chord, and whether walls are thin.
+    let derived = |mut scene: Scene| {
+        let (deep, diagonal) = thickness(scene.clone(), 1);
+        scene.derive_thickness();
+        (deep * diagonal, scene.materials[1].thin_walled)
+    };
+    let (chord, thin) = derived(glass(boxes(&with_ground(Vec3::ONE), false)));
+    assert!((chord - 4.0 / 6.0).abs() < 1e-3 && !thin, "{chord} {thin}");
+    // A large one is no wall behind which nothing is seen.
+    let (chord, thin) = derived(glass(boxes(&with_ground(Vec3::splat(60.0)), false)));
+    assert!((chord - 40.0).abs() < 0.1 && !thin, "{chord} {thin}");
+    // 4 V / S of a pane and of a sheet.
+    let (chord, thin) = derived(glass(boxes(&with_ground(Vec3::new(3.0, 4.0, 0.05)), false)));
+    assert!((chord - 2.4 / 24.7).abs() < 1e-3 && thin, "{chord} {thin}");
+    assert_eq!(derived(glass(boxes(&with_ground(Vec3::new(3.0, 4.0, 0.0)), false))), (0.0, true));
+    // A tank: a box, and in it one that faces inwards.
+    let inner = boxes(&[(Vec3::splat(0.02), Vec3::splat(0.98))], true);
+    let mut tank = glass(boxes(&with_ground(Vec3::ONE), false));
+    let first = u32::try_from(tank.mesh.positions().len()).unwrap();
+    let (mut positions, mut indices) = tank.mesh.into_parts();
+    positions.extend(inner.mesh.positions());
+    indices.extend(inner.mesh.indices().iter().map(|t| t.map(|i| i + first)));
+    tank.mesh = TriangleMesh::new(positions, indices).unwrap();
+    tank.material_ids.resize(tank.mesh.len(), 1);
+    tank.objects[1].triangles.end = u32::try_from(tank.mesh.len()).unwrap();
+    let wanted = 4.0 * (1.0 - 0.96_f32.powi(3)) / (6.0 * (1.0 + 0.96_f32.powi(2)));
+    let (chord, thin) = derived(tank);
+    assert!((chord - wanted).abs() < 1e-3 && thin, "{chord} {wanted} {thin}");
+    // A frame of another material is part of the object: how deep the glass is nobody knows.
+    let mut framed = glass(boxes(&with_ground(Vec3::ONE), false));
+    *framed.material_ids.last_mut().unwrap() = 0;
+    assert!(derived(framed).1);
+    // Nothing that light does not pass has walls in this sense.
+    assert!(!derived(boxes(&with_ground(Vec3::new(3.0, 4.0, 0.05)), false)).1);
 }

@@ -12,6 +12,9 @@ pub struct ScenePose {
     /// One a joint, one skin after another;
     /// [`Animation::joints_of`](super::Animation::joints_of) says which are an object's.
     pub joints: Vec<JointPose>,
+    /// One a morph target, one mesh after another;
+    /// [`Morphed::weights`](super::Morphed::weights) says which are an object's.
+    pub weights: Vec<f32>,
 }
 
 /// Where one object is and how it bends: 96 bytes of six vectors of four `f32`, to be copied to a

@@ -1,9 +1,9 @@
 //! Nodes that hang on each other and move by key frames, and what hangs on them, as in glTF.
 
-use super::{Skin, Skinned, Track, track::normalized};
+use super::{MorphWeights, Morphed, Skin, Skinned, Track, track::normalized};
 use glam::{DAffine3, DQuat, DVec3};
 
-/// Nodes, skins, and the vertices that hang on skins.
+/// Nodes, skins, weights of morph targets, and the vertices that hang on them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rig {
     /// Nodes that move, parents before their children.
@@ -12,6 +12,10 @@ pub struct Rig {
     pub skins: Vec<Skin>,
     /// Objects that skins bend.
     pub skinned: Vec<Skinned>,
+    /// How far meshes go to their morph targets.
+    pub weights: Vec<MorphWeights>,
+    /// Objects that morph.
+    pub morphed: Vec<Morphed>,
 }
 
 /// A coordinate system that moves. Its place in that of its parent at time t is `fixed` · T(t) ·

@@ -1,6 +1,6 @@
 //! Skins: vertices that hang on several joints at once.
 
-use super::Rig;
+use super::{Rig, morph::grown};
 use glam::{DAffine3, Vec3, Vec4};
 use niwaki_core::Aabb;
 use rayon::prelude::*;
@@ -178,30 +178,33 @@ impl Skinned {
         &self.influences
     }
 
-    /// Writes vertices, and normals if there are as many, as these joints bend them.
+    /// Writes vertices, and normals if there are as many, as they were bound.
+    pub(crate) fn place(&self, positions: &mut [Vec3], normals: &mut [Vec3]) {
+        positions.iter_mut().zip(&self.positions).for_each(|(p, bound)| *p = *bound);
+        normals.iter_mut().zip(&self.normals).for_each(|(n, bound)| *n = *bound);
+    }
+
+    /// Takes vertices, and normals if there are as many, from where they were bound to where these
+    /// joints bend them.
     pub(crate) fn bend(&self, joints: &[JointPose], positions: &mut [Vec3], normals: &mut [Vec3]) {
-        let bound = self.positions.par_iter().zip(&self.influences);
-        let moved = positions.par_iter_mut().zip(bound).with_min_len(4096);
-        moved.for_each(|(p, (bound, influence))| {
-            *p = JointPose::blended(joints, influence).point(*bound);
-        });
-        let bound = self.normals.par_iter().zip(&self.influences);
-        let turned = normals.par_iter_mut().zip(bound).with_min_len(4096);
-        turned.for_each(|(n, (bound, influence))| {
-            *n = JointPose::blended(joints, influence).normal(*bound);
-        });
+        let moved = positions.par_iter_mut().zip(&self.influences).with_min_len(4096);
+        moved.for_each(|(p, influence)| *p = JointPose::blended(joints, influence).point(*p));
+        let turned = normals.par_iter_mut().zip(&self.influences).with_min_len(4096);
+        turned.for_each(|(n, influence)| *n = JointPose::blended(joints, influence).normal(*n));
     }
 
     /// Bounds of the vertices when the joints of the skin are like this; never too small, except
-    /// by rounding.
+    /// by rounding. What morphs moved bound vertices by something within `growth`
+    /// ([`Morphed::growth`](super::Morphed::growth)), if anything did.
     ///
     /// A vertex is a weighted mean of where its joints would take it, so it lies in the box of
     /// the boxes that each joint makes of the vertices that hang on it.
     #[must_use]
-    pub fn bounds(&self, joints: &[JointPose]) -> Aabb {
+    pub fn bounds(&self, joints: &[JointPose], growth: Option<Aabb>) -> Aabb {
         self.reach.iter().fold(Aabb::EMPTY, |bounds, (joint, reach)| {
             let pose = joints.get(usize::from(*joint)).unwrap_or(&JointPose::BOUND);
-            bounds.union(pose.bounds(*reach))
+            let reach = growth.map_or(*reach, |growth| grown(*reach, growth));
+            bounds.union(pose.bounds(reach))
         })
     }
 }

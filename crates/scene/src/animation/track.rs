@@ -101,23 +101,12 @@ impl<const N: usize> Track<N> {
         times: Arc<[f32]>,
         values: Vec<[f32; N]>,
     ) -> Result<Self, TrackError> {
+        check_times(&times)?;
         let keys = times.len();
-        if keys == 0 {
-            return Err(TrackError::Empty);
-        }
         let each = if interpolation == Interpolation::Cubic { 3 } else { 1 };
         if keys.checked_mul(each) != Some(values.len()) {
             let wanted = keys.saturating_mul(each);
             return Err(TrackError::Count { keys, wanted, values: values.len() });
-        }
-        for (key, &time) in times.iter().enumerate() {
-            if !time.is_finite() {
-                return Err(TrackError::Time { key, time });
-            }
-            let before = times[key.saturating_sub(1)];
-            if time < before {
-                return Err(TrackError::Order { key, time, before });
-            }
         }
         for (i, value) in values.iter().enumerate() {
             let fail = |what| Err(TrackError::Value { key: i / each, value: value.to_vec(), what });
@@ -147,15 +136,7 @@ impl<const N: usize> Track<N> {
     }
 
     fn place(&self, time: f64) -> Place {
-        let after = self.times.partition_point(|&t| f64::from(t) <= time);
-        let Some(key) = after.checked_sub(1) else { return Place::Key(0) };
-        let Some(&next) = self.times.get(after) else { return Place::Key(key) };
-        let from = f64::from(self.times[key]);
-        let span = f64::from(next) - from;
-        match self.interpolation {
-            Interpolation::Step => Place::Key(key),
-            _ => Place::After(key, (time - from) / span, span),
-        }
+        place(&self.times, self.interpolation, time)
     }
 
     /// A value, or for cubic splines a tangent, as `part` 0 (in), 1 (value) or 2 (out).
@@ -166,14 +147,125 @@ impl<const N: usize> Track<N> {
 
     /// Between two keys along the spline that glTF 2.0 prints in appendix C.5.
     fn spline(&self, key: usize, t: f64, span: f64) -> [f64; N] {
-        let (t2, t3) = (t * t, t * t * t);
         let [from, leave] = [self.get(key, 1), self.get(key, 2)];
         let [come, to] = [self.get(key + 1, 0), self.get(key + 1, 1)];
-        std::array::from_fn(|i| {
-            (2.0 * t3 - 3.0 * t2 + 1.0) * from[i]
-                + span * (t3 - 2.0 * t2 + t) * leave[i]
-                + (3.0 * t2 - 2.0 * t3) * to[i]
-                + span * (t3 - t2) * come[i]
+        std::array::from_fn(|i| hermite([from[i], leave[i], come[i], to[i]], t, span))
+    }
+}
+
+/// Where a time lies among the times of keys.
+fn place(times: &[f32], interpolation: Interpolation, time: f64) -> Place {
+    let after = times.partition_point(|&t| f64::from(t) <= time);
+    let Some(key) = after.checked_sub(1) else { return Place::Key(0) };
+    let Some(&next) = times.get(after) else { return Place::Key(key) };
+    let from = f64::from(times[key]);
+    let span = f64::from(next) - from;
+    match interpolation {
+        Interpolation::Step => Place::Key(key),
+        _ => Place::After(key, (time - from) / span, span),
+    }
+}
+
+/// The share `t` of the way along the spline that leaves its first value by one tangent and comes
+/// to its last by another, in units of `span` seconds.
+fn hermite([from, leave, come, to]: [f64; 4], t: f64, span: f64) -> f64 {
+    let (t2, t3) = (t * t, t * t * t);
+    (2.0 * t3 - 3.0 * t2 + 1.0) * from
+        + span * (t3 - 2.0 * t2 + t) * leave
+        + (3.0 * t2 - 2.0 * t3) * to
+        + span * (t3 - t2) * come
+}
+
+/// The times of keys are finite and in order.
+fn check_times(times: &[f32]) -> Result<(), TrackError> {
+    if times.is_empty() {
+        return Err(TrackError::Empty);
+    }
+    for (key, &time) in times.iter().enumerate() {
+        if !time.is_finite() {
+            return Err(TrackError::Time { key, time });
+        }
+        let before = times[key.saturating_sub(1)];
+        if time < before {
+            return Err(TrackError::Order { key, time, before });
+        }
+    }
+    Ok(())
+}
+
+/// The weights of all morph targets of a mesh over time. Before, after and between its keys it is
+/// as a [`Track`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightTrack {
+    interpolation: Interpolation,
+    times: Arc<[f32]>,
+    /// Key by key one a target; for cubic splines, key by key the tangents that come in of all
+    /// targets, their weights, and the tangents that go out.
+    values: Vec<f32>,
+    targets: usize,
+}
+
+impl WeightTrack {
+    /// A track of keys at `times`, in seconds, in order, for `targets` targets. Values lie as in
+    /// glTF 2.0: key by key, and there one a target, or, for cubic splines, the tangents that come
+    /// in of all targets, their weights, and the tangents that go out.
+    ///
+    /// # Errors
+    /// [`TrackError`] names the first key that is wrong.
+    pub fn new(
+        interpolation: Interpolation,
+        times: Arc<[f32]>,
+        targets: usize,
+        values: Vec<f32>,
+    ) -> Result<Self, TrackError> {
+        check_times(&times)?;
+        let parts = if interpolation == Interpolation::Cubic { 3 } else { 1 };
+        let each = targets.saturating_mul(parts);
+        let wanted = times.len().saturating_mul(each);
+        if wanted != values.len() {
+            return Err(TrackError::Count { keys: times.len(), wanted, values: values.len() });
+        }
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            return Err(TrackError::Value {
+                key: i / each,
+                value: vec![values[i]],
+                what: "finite weight or tangent",
+            });
+        }
+        Ok(Self { interpolation, times, values, targets })
+    }
+
+    /// The time of the last key in seconds.
+    #[must_use]
+    pub fn end(&self) -> f64 {
+        self.times.last().copied().unwrap_or(0.0).into()
+    }
+
+    /// Number of targets.
+    #[must_use]
+    pub const fn targets(&self) -> usize {
+        self.targets
+    }
+
+    /// Part 0 (in), 1 (weight) or 2 (out) of a key.
+    fn get(&self, key: usize, part: usize, target: usize) -> f64 {
+        let row = if self.interpolation == Interpolation::Cubic { 3 * key + part } else { key };
+        self.values.get(row * self.targets + target).copied().unwrap_or(0.0).into()
+    }
+
+    /// The weights at a time, in seconds, one a target.
+    pub fn at(&self, time: f64) -> impl Iterator<Item = f64> + '_ {
+        let place = place(&self.times, self.interpolation, time);
+        (0..self.targets).map(move |target| {
+            let get = |key, part| self.get(key, part, target);
+            match place {
+                Place::Key(key) => get(key, 1),
+                Place::After(key, t, span) if self.interpolation == Interpolation::Cubic => {
+                    let ends = [get(key, 1), get(key, 2), get(key + 1, 0), get(key + 1, 1)];
+                    hermite(ends, t, span)
+                }
+                Place::After(key, t, _) => get(key, 1) * (1.0 - t) + get(key + 1, 1) * t,
+            }
         })
     }
 }

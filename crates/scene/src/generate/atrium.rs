@@ -6,7 +6,7 @@ use super::{
     piece::{Budget, Patch, Plan, Wrap, cells},
     random::Random,
 };
-use crate::{Camera, Environment, Light, LightKind, Material, Motion, Rigid, Wave};
+use crate::{Camera, Environment, Light, LightKind, Material, Motion, Wave};
 use glam::{DMat3, DVec3, Vec3};
 use niwaki_core::to_u32;
 use std::f64::consts::FRAC_PI_2;
@@ -109,10 +109,7 @@ pub(super) fn furnish(
         let z = if i % 2 == 0 { COURT[1] } else { -COURT[1] };
         let top = DVec3::new(x, 9.2, z);
         if furniture.waving {
-            plan.object(
-                "drapery",
-                Motion { rigid: Rigid::Rest, wave: Some(wind(top, i)), skinned: None },
-            );
+            plan.object("drapery", Motion { wave: Some(wind(top, i)), ..Motion::default() });
         }
         budget.spend(drapery(plan, share, top, 4 + to_u32(i % 2), &mut random));
         plan.end_object();

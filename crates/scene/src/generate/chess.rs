@@ -96,7 +96,7 @@ fn motion(sway: &Hop, hop: Option<(DVec3, &mut Random)>, height: f64) -> Motion 
         out.airborne = narrow(random.range(0.6, 1.0)) / out.period;
         out.turns = [-1.0, 0.0, 1.0][random.below(3)];
     }
-    Motion { rigid: Rigid::Hop(out), wave: None, skinned: None }
+    Motion { rigid: Rigid::Hop(out), ..Motion::default() }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "motion in f32 is enough")]

@@ -8,9 +8,7 @@ use super::{
     piece::{Budget, EDGES, Patch, Plan, Wrap, cells},
     random::Random,
 };
-use crate::{
-    Camera, CameraKey, CameraPath, Environment, Light, LightKind, Material, Motion, Rigid, Wave,
-};
+use crate::{Camera, CameraKey, CameraPath, Environment, Light, LightKind, Material, Motion, Wave};
 use foliage::YARD;
 use glam::{DMat3, DVec3, Vec3};
 
@@ -151,7 +149,7 @@ fn banners(plan: &mut Plan, share: usize, seed: u64) -> usize {
             hold: Vec3::new(1.0 / 1.9, 0.0, 0.0),
             hold_offset: -(x + 0.04) / 1.9,
         };
-        plan.object("banner", Motion { rigid: Rigid::Rest, wave: Some(wave), skinned: None });
+        plan.object("banner", Motion { wave: Some(wave), ..Motion::default() });
         let cloth = cells(budget.share(0.7), 1.6, [3, 2]);
         budget.spend(plan.grid(BANNER, cloth, Wrap::No, move |u, v| {
             let ripple = 0.03 * turbulence(DVec3::new(4.0 * u, 3.0 * v, k as f64), seed) * u;

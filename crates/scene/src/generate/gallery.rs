@@ -55,7 +55,7 @@ pub(super) fn plan(triangles: usize, seed: u64) -> Plan {
     let size = caps(budget.share(0.02), 2.0, [8, 5]);
     let middle = DVec3::new(-2.2, 0.9, -1.9);
     let hop = Hop { pivot: middle.as_vec3(), jump: Vec3::Y * 1.2, period: 1.6, ..Hop::default() };
-    plan.object("mirror ball", Motion { rigid: Rigid::Hop(hop), wave: None, skinned: None });
+    plan.object("mirror ball", Motion { rigid: Rigid::Hop(hop), ..Motion::default() });
     plan.piece(mirror, move || {
         capped(size, &|u, v| {
             let (sin, cos) = sin_cos_turns(0.5 * v);

@@ -95,7 +95,7 @@ pub(super) fn plan(triangles: usize, seed: u64, mirror: bool) -> Plan {
     budget.spend(capped_len(size));
     let middle = DVec3::new(0.7, 0.3, 0.9);
     let hop = Hop { pivot: middle.as_vec3(), jump: Vec3::Y * 0.8, period: 1.2, ..Hop::default() };
-    plan.object("ball", Motion { rigid: Rigid::Hop(hop), wave: None, skinned: None });
+    plan.object("ball", Motion { rigid: Rigid::Hop(hop), ..Motion::default() });
     plan.piece(BALL, globe(middle, 0.3));
     budget.spend(capped_len(size));
     let size = caps(budget.share(0.26), 1.4, [10, 10]);
@@ -118,7 +118,7 @@ pub(super) fn plan(triangles: usize, seed: u64, mirror: bool) -> Plan {
         hold: Vec3::new(0.0, -1.0 / 2.4, 0.0),
         hold_offset: 3.1 / 2.4,
     };
-    plan.object("curtain", Motion { rigid: Rigid::Rest, wave: Some(wave), skinned: None });
+    plan.object("curtain", Motion { wave: Some(wave), ..Motion::default() });
     budget.spend(plan.grid(CLOTH, size, Wrap::No, move |u, v| {
         let (fold, _) = sin_cos_turns(6.0 * u + 0.2 * v);
         let sway = noise(DVec3::new(3.0 * u, 2.5 * v, 0.7), seed);

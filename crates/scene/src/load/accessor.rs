@@ -217,21 +217,58 @@ impl<'a> Document<'a> {
         index: Index<Accessor>,
         at: &str,
     ) -> Result<Vec<[f32; N]>, LoadError> {
+        let mut out = vec![[0.0; N]; self.count(index, at)?];
+        self.decoded(index, at, |i, vector| out[i] = vector)?;
+        Ok(out)
+    }
+
+    /// The vectors that [`Document::vectors`] would list, each with its number, without those that
+    /// no bytes stand for and that are therefore zero. Sparse elements come last, and replace what
+    /// came before. There must be `count` of them; no memory is taken.
+    pub(super) fn scattered<const N: usize>(
+        &self,
+        index: Index<Accessor>,
+        count: usize,
+        at: &str,
+        store: impl FnMut(usize, [f32; N]),
+    ) -> Result<(), LoadError> {
+        let found = self.accessor(index, at)?.0.count.0;
+        if found != count as u64 {
+            let reason = format!("{found} elements for {count} vertices");
+            return Err(self.fail(at, reason, "give every vertex its element"));
+        }
+        self.decoded(index, at, store)
+    }
+
+    /// How many elements of an accessor bytes stand for.
+    pub(super) fn stored(&self, index: Index<Accessor>, at: &str) -> Result<u64, LoadError> {
+        let accessor = self.accessor(index, at)?.0;
+        let plain = accessor.buffer_view.map_or(0, |_| accessor.count.0);
+        let sparse = accessor.sparse.as_ref().map_or(0, |sparse| sparse.count.0);
+        Ok(plain.saturating_add(sparse))
+    }
+
+    fn decoded<const N: usize>(
+        &self,
+        index: Index<Accessor>,
+        at: &str,
+        mut store: impl FnMut(usize, [f32; N]),
+    ) -> Result<(), LoadError> {
         let (accessor, component, element) = self.accessor(index, at)?;
         let wanted = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4].get(N - 1).copied();
         if Some(element) != wanted {
             let reason = format!("its elements are {element:?}, not vectors of {N}");
             return Err(self.fail(at, reason, VALIDATOR));
         }
-        let mut out = vec![[0.0; N]; self.count(index, at)?];
         let width = component_size(component);
         let normalized = accessor.normalized;
         self.each(index, N, at, |i, raw| {
-            for (value, raw) in out[i].iter_mut().zip(raw.chunks_exact(width)) {
+            let mut vector = [0.0; N];
+            for (value, raw) in vector.iter_mut().zip(raw.chunks_exact(width)) {
                 *value = decode(component, normalized, raw);
             }
-        })?;
-        Ok(out)
+            store(i, vector);
+        })
     }
 
     /// An array of 4 × 4 matrices of floats, column by column.

@@ -9,6 +9,7 @@ use super::{
     container::{buffers, split_glb},
     gltf_animation::{self, Clip},
     gltf_material, gltf_mesh,
+    gltf_morph::NodeWeights,
     gltf_skin::{self, Place},
     read,
 };
@@ -133,6 +134,7 @@ fn walk(
     let nodes = &document.root.nodes;
     let mut places: Vec<Option<Place>> = vec![None; nodes.len()];
     let mut skins = Skins::default();
+    let mut weights = NodeWeights::default();
     let begin =
         |node| Visit { node, parent: DAffine3::IDENTITY, place: (None, DAffine3::IDENTITY) };
     let mut stack: Vec<Visit> = roots(document)?.into_iter().rev().map(begin).collect();
@@ -159,6 +161,7 @@ fn walk(
             }
         };
         places[i] = Some(place);
+        let morph = weights.number(document, i, node, &mut clip, &mut scene.rig)?;
         if let Some(mesh) = node.mesh {
             let range = ranges.get(mesh.value()).cloned().ok_or_else(|| {
                 let reason = format!("meshes[{}] does not exist", mesh.value());
@@ -166,9 +169,17 @@ fn walk(
             })?;
             let skin = node.skin.map(|skin| skins.number(skin.value()));
             scene.instances.extend(range.map(|part| {
-                let bound =
-                    scene.parts.get(part as usize).is_some_and(|p| !p.influences.is_empty());
-                Instance { part, transform, node: place.0, skin: skin.filter(|_| bound) }
+                let (bound, morphs) = scene
+                    .parts
+                    .get(part as usize)
+                    .map_or((false, false), |p| (!p.influences.is_empty(), p.targets.is_some()));
+                Instance {
+                    part,
+                    transform,
+                    node: place.0,
+                    skin: skin.filter(|_| bound),
+                    weights: morph.filter(|_| morphs),
+                }
             }));
         }
         if place.0.is_some() && (node.camera.is_some() || has_light(node)) {

@@ -1,9 +1,9 @@
 //! Key frames of glTF animations.
 
-use super::{LoadOptions, accessor::Document};
+use super::{LoadOptions, accessor::Document, gltf_morph};
 use crate::{
     Dropped, LoadError,
-    animation::{Interpolation, Placement, RigNode, Track, TrackError},
+    animation::{Interpolation, Placement, RigNode, Track, TrackError, WeightTrack},
 };
 use glam::{DAffine3, DQuat, DVec3};
 use gltf::json::{
@@ -34,6 +34,8 @@ pub(super) struct Tracks {
 pub(super) struct Clip {
     /// By the number of the node.
     pub(super) tracks: HashMap<usize, Tracks>,
+    /// Weights of morph targets, by the number of the node.
+    pub(super) weights: HashMap<usize, WeightTrack>,
     /// When the last key is, in seconds.
     pub(super) duration: f64,
 }
@@ -105,13 +107,28 @@ impl Reader<'_> {
             return Err(document.fail(format!("{at}.target.node"), reason, NAMES));
         }
         let property = match channel.target.path {
-            Checked::Valid(Property::MorphTargetWeights) | Checked::Invalid => {
+            Checked::Invalid => {
                 dropped.animations += 1;
-                dropped.note(|| format!("{at}: neither a translation, a rotation nor a scale"));
+                dropped.note(|| {
+                    format!("{at}: neither a translation, a rotation, a scale nor weights")
+                });
                 return Ok(());
             }
             Checked::Valid(property) => property,
         };
+        let taken = |property: Property| {
+            let reason = format!("nodes[{node}] has keys for its {property:?} already");
+            document.fail(at, reason, "remove one of the two channels")
+        };
+        if property == Property::MorphTargetWeights {
+            let targets = gltf_morph::moved(document, node, at)?;
+            let track = self.weights(sampler, targets, place)?;
+            clip.duration = clip.duration.max(track.end());
+            return match clip.weights.insert(node, track) {
+                Some(_) => Err(taken(property)),
+                None => Ok(()),
+            };
+        }
         if document.root.nodes.get(node).is_some_and(|n: &Node| n.matrix.is_some()) {
             let remedy = "give the node a translation, a rotation and a scale instead";
             return Err(document.fail(
@@ -121,14 +138,13 @@ impl Reader<'_> {
             ));
         }
         let tracks = clip.tracks.entry(node).or_default();
-        let taken = match property {
+        let is_taken = match property {
             Property::Translation => tracks.translation.is_some(),
             Property::Rotation => tracks.rotation.is_some(),
             _ => tracks.scale.is_some(),
         };
-        if taken {
-            let reason = format!("nodes[{node}] has keys for its {property:?} already");
-            return Err(document.fail(at, reason, "remove one of the two channels"));
+        if is_taken {
+            return Err(taken(property));
         }
         let end;
         match property {
@@ -157,36 +173,55 @@ impl Reader<'_> {
         sampler: &Sampler,
         place: &str,
     ) -> Result<Track<N>, LoadError> {
-        let document = self.document;
-        let interpolation = match sampler.interpolation {
-            Checked::Valid(Kind::Step) => Interpolation::Step,
-            Checked::Valid(Kind::Linear) => Interpolation::Linear,
-            Checked::Valid(Kind::CubicSpline) => Interpolation::Cubic,
+        let interpolation = self.interpolation(sampler, place)?;
+        let times = self.times(sampler, place)?;
+        let values = self.values::<N>(sampler.output, &format!("{place}.output"))?;
+        Track::new(interpolation, times, values).map_err(|error| self.wrong(&error, place))
+    }
+
+    fn weights(
+        &mut self,
+        sampler: &Sampler,
+        targets: usize,
+        place: &str,
+    ) -> Result<WeightTrack, LoadError> {
+        let interpolation = self.interpolation(sampler, place)?;
+        let times = self.times(sampler, place)?;
+        let values = self.values::<1>(sampler.output, &format!("{place}.output"))?;
+        let values = values.into_iter().flatten().collect();
+        WeightTrack::new(interpolation, times, targets, values)
+            .map_err(|error| self.wrong(&error, place))
+    }
+
+    fn interpolation(&self, sampler: &Sampler, place: &str) -> Result<Interpolation, LoadError> {
+        match sampler.interpolation {
+            Checked::Valid(Kind::Step) => Ok(Interpolation::Step),
+            Checked::Valid(Kind::Linear) => Ok(Interpolation::Linear),
+            Checked::Valid(Kind::CubicSpline) => Ok(Interpolation::Cubic),
             Checked::Invalid => {
                 let remedy = "use LINEAR, STEP or CUBICSPLINE";
                 let at = format!("{place}.interpolation");
-                return Err(document.fail(at, "it is unknown", remedy));
+                Err(self.document.fail(at, "it is unknown", remedy))
             }
+        }
+    }
+
+    fn times(&mut self, sampler: &Sampler, place: &str) -> Result<Arc<[f32]>, LoadError> {
+        if let Some(times) = self.times.get(&sampler.input.value()) {
+            return Ok(Arc::clone(times));
+        }
+        let times = self.values::<1>(sampler.input, &format!("{place}.input"))?;
+        let times: Arc<[f32]> = times.into_iter().flatten().collect();
+        self.times.insert(sampler.input.value(), Arc::clone(&times));
+        Ok(times)
+    }
+
+    fn wrong(&self, error: &TrackError, place: &str) -> LoadError {
+        let part = match error {
+            TrackError::Value { .. } | TrackError::Count { .. } => "output",
+            _ => "input",
         };
-        let input = format!("{place}.input");
-        let times = match self.times.get(&sampler.input.value()) {
-            Some(times) => Arc::clone(times),
-            None => {
-                let times = self.values::<1>(sampler.input, &input)?;
-                let times: Arc<[f32]> = times.into_iter().flatten().collect();
-                self.times.insert(sampler.input.value(), Arc::clone(&times));
-                times
-            }
-        };
-        let output = format!("{place}.output");
-        let values = self.values::<N>(sampler.output, &output)?;
-        Track::new(interpolation, times, values).map_err(|error| {
-            let at = match error {
-                TrackError::Value { .. } | TrackError::Count { .. } => output,
-                _ => input,
-            };
-            document.fail(at, error.to_string(), KEYS)
-        })
+        self.document.fail(format!("{place}.{part}"), error.to_string(), KEYS)
     }
 
     fn values<const N: usize>(

@@ -1,6 +1,8 @@
 //! Primitives of glTF meshes.
 
-use super::{LoadOptions, accessor::Document, gltf_material::Materials, gltf_skin, part::RawPart};
+use super::{
+    LoadOptions, accessor::Document, gltf_material::Materials, gltf_morph, gltf_skin, part::RawPart,
+};
 use crate::{Dropped, LoadError, Part};
 use glam::{Vec2, Vec3};
 use gltf::json::{
@@ -34,11 +36,14 @@ pub(super) fn read(
             *users.entry(to_u32(index.value())).or_default() += 1;
         }
     }
+    let mut morphs = gltf_morph::Reader::new(document, options);
     for (m, mesh) in document.root.meshes.iter().enumerate() {
+        gltf_morph::check(document, mesh, m)?;
         let first = to_u32(parts.len());
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             let at = format!("meshes[{m}].primitives[{p}]");
-            let Some(mut raw) = read_primitive(document, primitive, materials, &at, dropped)?
+            let Some(mut raw) =
+                read_primitive(document, primitive, materials, &mut morphs, &at, dropped)?
             else {
                 continue;
             };
@@ -80,6 +85,7 @@ fn read_primitive(
     document: &Document<'_>,
     primitive: &Primitive,
     materials: &Materials,
+    morphs: &mut gltf_morph::Reader<'_>,
     at: &str,
     dropped: &mut Dropped,
 ) -> Result<Option<RawPart>, LoadError> {
@@ -103,10 +109,14 @@ fn read_primitive(
     let positions: Vec<Vec3> =
         document.vectors::<3>(position, &key)?.into_iter().map(Vec3::from).collect();
     let influences = gltf_skin::influences(document, primitive, positions.len(), at, dropped)?;
-    let normals = match attribute(primitive, Semantic::Normals) {
+    let normals: Vec<Vec3> = match attribute(primitive, Semantic::Normals) {
         Some(i) => document.vectors::<3>(i, &format!("{at}.attributes.NORMAL"))?,
         None => Vec::new(),
-    };
+    }
+    .into_iter()
+    .map(Vec3::from)
+    .collect();
+    let targets = morphs.read(primitive, positions.len(), &normals, at, dropped)?;
     let material = materials.id(primitive.material, at, dropped);
     let map = materials.uv_maps.get(material as usize).copied().unwrap_or_default();
     let uvs = match attribute(primitive, Semantic::TexCoords(map.set)) {
@@ -119,9 +129,10 @@ fn read_primitive(
     Ok(Some(RawPart {
         name: String::new(),
         positions,
-        normals: normals.into_iter().map(Vec3::from).collect(),
+        normals,
         uvs: uvs.into_iter().map(|uv| map.apply(Vec2::from(uv))).collect(),
         influences,
+        targets,
         indices,
         material,
     }))
@@ -203,6 +214,10 @@ fn compact(raw: &mut RawPart) {
     keep(&mut raw.normals, &used);
     keep(&mut raw.uvs, &used);
     keep(&mut raw.influences, &used);
+    if let Some(targets) = raw.targets.take() {
+        // Fewer vertices have no more differences.
+        raw.targets = targets.gathered((0..count).filter(|&v| used[v]));
+    }
 }
 
 #[cfg(test)]

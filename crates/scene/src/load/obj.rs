@@ -87,6 +87,7 @@ pub(super) fn load(
             normals: if scan.normals { vectors(&model.mesh.normals) } else { Vec::new() },
             uvs: if scan.uvs { coordinates(&model.mesh.texcoords) } else { Vec::new() },
             influences: Vec::new(),
+            targets: None,
             indices: model.mesh.indices.as_chunks::<3>().0.to_vec(),
             material: material.unwrap_or(library.default),
         };

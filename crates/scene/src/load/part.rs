@@ -1,6 +1,9 @@
 //! Triangles as files list them, made into valid parts.
 
-use crate::{Dropped, Part, animation::Influence};
+use crate::{
+    Dropped, Part,
+    animation::{Influence, Targets},
+};
 use glam::{Vec2, Vec3};
 use niwaki_core::{MeshError, TriangleMesh};
 use rayon::prelude::*;
@@ -14,6 +17,8 @@ pub(super) struct RawPart {
     pub(super) uvs: Vec<Vec2>,
     /// One a vertex, or empty.
     pub(super) influences: Vec<Influence>,
+    /// Of as many vertices.
+    pub(super) targets: Option<Targets>,
     pub(super) indices: Vec<[u32; 3]>,
     pub(super) material: u32,
 }
@@ -72,6 +77,7 @@ impl RawPart {
             normals: self.normals,
             uvs: self.uvs,
             influences: self.influences,
+            targets: self.targets,
             material: self.material,
         })
     }

@@ -38,6 +38,33 @@ impl File {
         self.array(bytes, values.len(), 5126, kind)
     }
 
+    /// Vectors of three signed bytes that stand for -1 to 1, each padded to four bytes.
+    pub fn normalized_bytes(&mut self, values: &[[i8; 3]]) -> usize {
+        let bytes = values.iter().flat_map(|v| [v[0], v[1], v[2], 0]).map(|x| x as u8).collect();
+        let accessor = self.array(bytes, values.len(), 5120, "VEC3");
+        let view = self.views.last_mut().expect("it was just added");
+        *view = view.replace('}', r#","byteStride":4}"#);
+        let text = &mut self.accessors[accessor];
+        *text = text.replace('}', r#","normalized":true}"#);
+        accessor
+    }
+
+    /// Vectors of three floats that are zero but for these, by their numbers in order.
+    pub fn sparse(&mut self, count: usize, values: &[(u16, [f32; 3])]) -> usize {
+        let places: Vec<[u16; 1]> = values.iter().map(|v| [v.0]).collect();
+        let vectors: Vec<[f32; 3]> = values.iter().map(|v| v.1).collect();
+        let (places, vectors) = (self.shorts(&places), self.floats(&vectors));
+        self.accessors.push(format!(
+            r#"{{"componentType":5126,"count":{count},"type":"VEC3","sparse":{{"count":{},
+            "indices":{{"bufferView":{places},"componentType":5123}},
+            "values":{{"bufferView":{vectors}}}}}}}"#,
+            values.len()
+        ));
+        // Accessors and views share their numbers.
+        self.views.push(self.views[vectors].clone());
+        self.accessors.len() - 1
+    }
+
     /// Unsigned 16-bit numbers.
     pub fn shorts<const N: usize>(&mut self, values: &[[u16; N]]) -> usize {
         let bytes = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
