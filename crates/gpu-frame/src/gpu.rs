@@ -27,6 +27,20 @@ pub struct Gpu {
     compiled: Arc<Mutex<Compiled>>,
 }
 
+/// What kind of device it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum DeviceKind {
+    /// A card with memory of its own.
+    Discrete,
+    /// Part of a processor.
+    Integrated,
+    /// A driver that computes on the processor.
+    Software,
+    /// A part of a device that is shared, or unknown.
+    Other,
+}
+
 /// What is compiled once a device, however many renderers use it, by its type.
 #[derive(Default)]
 struct Compiled(HashMap<TypeId, Arc<dyn Any + Send + Sync>>);
@@ -143,6 +157,17 @@ impl Gpu {
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// What kind of device it is, as its driver says.
+    #[must_use]
+    pub fn kind(&self) -> DeviceKind {
+        match self.adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => DeviceKind::Discrete,
+            wgpu::DeviceType::IntegratedGpu => DeviceKind::Integrated,
+            wgpu::DeviceType::Cpu => DeviceKind::Software,
+            wgpu::DeviceType::VirtualGpu | wgpu::DeviceType::Other => DeviceKind::Other,
+        }
     }
 
     /// The device's limits.

@@ -40,7 +40,8 @@ pub struct GpuMaterial {
     thickness: f32,
     flags: u32,
     mean_fresnel: f32,
-    pad: [u32; 2],
+    body: f32,
+    pad: u32,
 }
 
 const REFLECTS: u32 = 1;
@@ -48,13 +49,14 @@ const REFRACTS: u32 = 2;
 const POLISHED: u32 = 4;
 const SEE_THROUGH: u32 = 8;
 const CUT_OUT: u32 = 16;
+const THIN_WALLED: u32 = 32;
 
 /// Longer than any map is deep, but finite: shaders may assume that there is no infinity.
 const ENDLESS: f32 = 1e30;
 
 impl GpuMaterial {
-    /// `thickness` is what the material's counts; `diagonal` that of the scene's bounds, in which
-    /// it counts; `textures` how many there are; `look_through` whether rays look through glass, blended
+    /// `thickness` is how far behind its front a surface counts, as a share of `diagonal`, that of
+    /// the scene's bounds, without end from 1 on; `textures` how many there are; `look_through` whether rays look through glass, blended
     /// surfaces and holes in a cube map.
     pub fn new(
         m: &Material,
@@ -73,7 +75,7 @@ impl GpuMaterial {
             AlphaMode::Mask(cutoff) => (1, cutoff),
             AlphaMode::Blend => (2, 0.0),
         };
-        let thickness = unit(m.thickness * thickness);
+        let thickness = unit(thickness);
         let clear = look_through && (facts.transmissive || facts.blended);
         let thin = facts.transmissive || clear;
         let ior = m.index_of_refraction();
@@ -102,9 +104,16 @@ impl GpuMaterial {
                 + u32::from(facts.transmissive) * REFRACTS
                 + u32::from(facts.polished) * POLISHED
                 + u32::from(clear) * SEE_THROUGH
-                + u32::from(look_through && facts.has_alpha() && !clear) * CUT_OUT,
+                + u32::from(look_through && facts.has_alpha() && !clear) * CUT_OUT
+                + u32::from(m.thin_walled) * THIN_WALLED,
             mean_fresnel: mean_fresnel(ior),
-            pad: [0; 2],
+            // Without end is what nobody derived: then nothing is known of it.
+            body: if facts.transmissive && m.thickness < 1.0 {
+                unit(m.thickness) * diagonal
+            } else {
+                0.0
+            },
+            pad: 0,
         }
     }
 }

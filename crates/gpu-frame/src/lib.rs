@@ -42,7 +42,7 @@ mod surfaces;
 mod views;
 
 pub use error::FrameError;
-pub use gpu::{DEVICE_VARIABLE, Gpu};
+pub use gpu::{DEVICE_VARIABLE, DeviceKind, Gpu};
 pub use layout::{GpuMaterial, Vertex, ViewMatrix};
 pub use raster::{DEPTH, RasterPipeline, SURFACE, TRIANGLE, depth_state, opaque};
 pub use recorder::{Recorder, Timed};

@@ -6,7 +6,7 @@ use crate::{
     layout::{GpuMaterial, Vertex},
 };
 use glam::{Vec2, Vec3};
-use niwaki_scene::{Scene, SceneFacts};
+use niwaki_scene::{Material, Scene, SceneFacts};
 use wgpu::{BindingResource, BufferUsages};
 
 /// The most materials that a pixel of a G-buffer can name.
@@ -105,21 +105,22 @@ impl Surfaces {
         )
     }
 
-    /// Writes the materials as kernels take them. `thickness` is what
-    /// [`Material::thickness`](niwaki_scene::Material::thickness) is multiplied by, `look_through` whether rays
+    /// Writes the materials as kernels take them. `thickness` says what counts as
+    /// [`Material::thickness`] of each, given its number, `look_through` whether rays
     /// look through glass, blended surfaces and holes in a cube map.
     pub fn write_materials(
         &self,
         gpu: &Gpu,
         scene: &Scene,
         facts: &SceneFacts,
-        thickness: f32,
+        thickness: impl Fn(usize, &Material) -> f32,
         look_through: bool,
     ) {
         let (diagonal, textures) = (diagonal(scene), scene.textures.len());
-        let material = |(m, f)| GpuMaterial::new(m, f, thickness, diagonal, textures, look_through);
-        let materials: Vec<GpuMaterial> =
-            scene.materials.iter().zip(&facts.materials).map(material).collect();
+        let material =
+            |(i, (m, f))| GpuMaterial::new(m, f, thickness(i, m), diagonal, textures, look_through);
+        let known = scene.materials.iter().zip(&facts.materials).enumerate();
+        let materials: Vec<GpuMaterial> = known.map(material).collect();
         gpu.queue().write_buffer(&self.materials, 0, bytemuck::cast_slice(&materials));
     }
 }

@@ -173,6 +173,26 @@ pub(crate) struct MovedObject {
     pub(crate) first_influence: u32,
     /// Where the joints of its skin begin.
     pub(crate) first_joint: u32,
+    pub(crate) targets: MovedTargets,
+}
+
+/// What a dynamic object has of morph targets.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct MovedTargets {
+    /// Where the places of its differences begin, or `u32::MAX` without any.
+    pub(crate) first_start: u32,
+    /// Where its weights begin.
+    pub(crate) first_weight: u32,
+    /// A number of `hybrid/deform.wgsl`.
+    pub(crate) normals: u32,
+    pub(crate) pad: u32,
+}
+
+impl MovedTargets {
+    /// The object does not morph.
+    pub(crate) const NONE: Self =
+        Self { first_start: u32::MAX, first_weight: 0, normals: 0, pad: 0 };
 }
 
 impl MovedObject {
@@ -183,7 +203,8 @@ impl MovedObject {
 const _: () = assert!(
     size_of::<GpuLight>() == 64
         && size_of::<FrameUniform>() == 12 * 16 + 30 * 64
-        && size_of::<MovedObject>() == 112
+        && size_of::<MovedObject>() == 128
+        && size_of::<niwaki_scene::animation::Difference>() == 32
         && size_of::<niwaki_scene::animation::Influence>() == 24
         && size_of::<niwaki_scene::JointPose>() == 48
 );

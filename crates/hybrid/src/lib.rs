@@ -49,7 +49,7 @@ mod tree;
 mod upload;
 mod views;
 
-pub use niwaki_gpu_frame::{DEVICE_VARIABLE, FrameError as HybridError, Gpu};
+pub use niwaki_gpu_frame::{DEVICE_VARIABLE, DeviceKind, FrameError as HybridError, Gpu};
 pub use plan::{Decision, Effect, EffectPlan, FrameFacts, Kept, ObjectFacts, PlannedPass, Quality};
 pub use region::{Face, Region, Side};
 pub use renderer::HybridRenderer;

@@ -204,8 +204,19 @@ impl Pipelines {
                     Slot::COLOR_ARRAY,
                 ],
             ),
-            deform_layout: gpu
-                .layout("deform", &[Slot::Read, Slot::Read, Slot::Write, Slot::Read, Slot::Read]),
+            deform_layout: gpu.layout(
+                "deform",
+                &[
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::Write,
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::Read,
+                    Slot::Read,
+                ],
+            ),
             size_layout: gpu.layout("size", &[Slot::Read, Slot::Write]),
             rasters: Made::new(),
             primaries: Made::new(),

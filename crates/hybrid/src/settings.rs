@@ -144,7 +144,8 @@ pub struct Settings {
     /// What becomes of rays that pass behind the map's surfaces.
     pub behind: Behind,
     /// Rays look through surfaces of the map that light passes, glass and what is blended: they go
-    /// straight on. What lies behind such surfaces, and behind those that alpha cuts out, is drawn
+    /// straight on, or bent as by a ball where glass is no thin wall
+    /// ([`Material::thin_walled`](niwaki_scene::Material::thin_walled)). What lies behind such surfaces, and behind those that alpha cuts out, is drawn
     /// into a second layer that has nothing else unless `layers` asks for it. Otherwise what is
     /// blended counts as opaque, and rays that have passed glass go to the environment, as in the
     /// paper. Default true.
@@ -152,6 +153,10 @@ pub struct Settings {
     /// Factor on [`Material::thickness`](niwaki_scene::Material::thickness), 0 and more: how far
     /// behind their fronts surfaces of the map still count as met. Default 1.
     pub thickness: f32,
+    /// Surfaces of the map that stand still have no end, whatever their material and `thickness`
+    /// say, as section 3.4 advises: rays pass behind moving objects only. A material that any still
+    /// object wears counts as still; glass stays thin. Default false.
+    pub endless_when_still: bool,
     /// Most surfaces at which a path may be reflected or refracted, 0 to 16. 0 shows no reflections.
     pub max_depth: u32,
     /// Rays that count less than this in every colour channel are not followed; 0 (the default)
@@ -193,6 +198,7 @@ impl Default for Settings {
             behind: Behind::GoOn,
             look_through: true,
             thickness: 1.0,
+            endless_when_still: false,
             max_depth: 4,
             throughput_cutoff: 0.0,
             max_rays: 1 << 16,
@@ -242,13 +248,14 @@ impl Settings {
     }
 
     /// As the paper describes it: rays march in steps, those that pass behind and those that pass
-    /// glass in the map go to the sky, shadows come from maps.
+    /// glass in the map go to the sky, static surfaces are thick, shadows come from maps.
     #[must_use]
     pub fn paper() -> Self {
         Self {
             march: March::LINEAR,
             behind: Behind::Sky,
             look_through: false,
+            endless_when_still: true,
             shadows: Shadows::Maps,
             ..Self::default()
         }

@@ -2,11 +2,14 @@
 
 use crate::{
     Gpu, HybridError, ObjectFacts, Settings,
-    layout::{FrameUniform, MovedObject},
+    layout::{FrameUniform, MovedObject, MovedTargets},
 };
 use niwaki_core::to_u32;
 use niwaki_gpu_frame::{Surfaces, Vertex, diagonal};
-use niwaki_scene::{Animation, ObjectPose, Scene, SceneFacts, ScenePose, animation::Influence};
+use niwaki_scene::{
+    Animation, ObjectPose, Scene, SceneFacts, ScenePose,
+    animation::{Difference, Influence, MorphNormals},
+};
 use std::ops::Range;
 use wgpu::BufferUsages;
 
@@ -24,16 +27,25 @@ pub(crate) struct GpuScene {
     /// The objects at rest.
     pub(crate) objects: Vec<ObjectFacts>,
     vertex_ranges: Vec<Range<u32>>,
+    /// Which materials some object wears that stands still.
+    still: Vec<bool>,
 }
 
 /// Dynamic objects before they move.
 pub(crate) struct Rest {
-    /// At rest, or as bound to a skin.
+    /// At rest, or as bound to a skin, or before they morph.
     pub(crate) vertices: wgpu::Buffer,
     /// On which joints bound vertices hang, object after object.
     pub(crate) influences: wgpu::Buffer,
     /// Where those of each object begin, or [`MovedObject::NO_SKIN`].
     first_influence: Vec<u32>,
+    /// Where the differences of each vertex that morphs begin, object after object, each with one
+    /// word more for where they end.
+    pub(crate) starts: wgpu::Buffer,
+    /// What their targets add to vertices.
+    pub(crate) differences: wgpu::Buffer,
+    /// What each object has of them.
+    targets: Vec<MovedTargets>,
 }
 
 impl Rest {
@@ -62,11 +74,57 @@ impl Rest {
                 vertex.normal = *normal;
             }
         }
+        let mut starts: Vec<u32> = Vec::new();
+        let mut differences: Vec<Difference> = Vec::new();
+        let mut targets = vec![MovedTargets::NONE; objects.len()];
+        for (i, object) in objects.iter().enumerate() {
+            let Some(morphed) = scene.animation.as_ref().and_then(|a| a.morphed(i)) else {
+                continue;
+            };
+            let range = object.vertices.start as usize..object.vertices.end as usize;
+            let Some(base) = vertices.get_mut(range) else { continue };
+            // Kernels find the differences of a vertex by its number in the object.
+            if base.len() != morphed.positions().len() {
+                continue;
+            }
+            let each = morphed.targets();
+            let all = differences.len() + each.differences().len();
+            if all > u32::MAX as usize || starts.len() + each.starts().len() > u32::MAX as usize {
+                return Err(HybridError::TooLarge {
+                    what: "the number of differences of morph targets".into(),
+                    wanted: all as u64,
+                    limit: u64::from(u32::MAX),
+                    remedy: "leave some of the targets out",
+                });
+            }
+            targets[i] = MovedTargets {
+                first_start: to_u32(starts.len()),
+                first_weight: to_u32(morphed.weights().start),
+                normals: match each.normals() {
+                    MorphNormals::Blended => 0,
+                    MorphNormals::Facets => 1,
+                    MorphNormals::MirroredFacets => 2,
+                },
+                pad: 0,
+            };
+            let first = to_u32(differences.len());
+            starts.extend(each.starts().iter().map(|start| first + start));
+            differences.extend_from_slice(each.differences());
+            for (vertex, position) in base.iter_mut().zip(morphed.positions()) {
+                vertex.position = *position;
+            }
+            for (vertex, normal) in base.iter_mut().zip(morphed.normals()) {
+                vertex.normal = *normal;
+            }
+        }
         let storage = BufferUsages::STORAGE;
         Ok(Self {
             vertices: gpu.upload("vertices at rest", &vertices, storage)?,
             influences: gpu.upload("influences of joints", &influences, storage)?,
             first_influence,
+            starts: gpu.upload("places of differences", &starts, storage)?,
+            differences: gpu.upload("differences of morph targets", &differences, storage)?,
+            targets,
         })
     }
 }
@@ -92,6 +150,7 @@ impl GpuScene {
             diagonal: diagonal(scene),
             objects,
             vertex_ranges,
+            still: still(scene),
         };
         uploaded.write_materials(gpu, scene, settings);
         gpu.check()?;
@@ -113,7 +172,10 @@ impl GpuScene {
             gpu,
             scene,
             &self.facts,
-            settings.thickness,
+            |i, material| {
+                let has_no_end = settings.endless_when_still && self.still.get(i) == Some(&true);
+                if has_no_end { 1.0 } else { material.thickness * settings.thickness }
+            },
             settings.look_through,
         );
     }
@@ -163,6 +225,7 @@ impl GpuScene {
                     count: range.end - range.start,
                     first_influence: rest.first_influence.get(i).copied().unwrap_or(none),
                     first_joint: joints.map_or(0, |joints| to_u32(joints.start)),
+                    targets: rest.targets.get(i).copied().unwrap_or(MovedTargets::NONE),
                 }
             })
             .collect();
@@ -175,9 +238,25 @@ impl GpuScene {
     }
 }
 
+/// Which materials some object wears that stands still.
+fn still(scene: &Scene) -> Vec<bool> {
+    let mut still = vec![false; scene.materials.len()];
+    for object in scene.objects_or_whole().iter().filter(|object| !object.dynamic) {
+        let range = object.triangles.start as usize..object.triangles.end as usize;
+        for &id in scene.material_ids.get(range).unwrap_or(&[]) {
+            if let Some(still) = still.get_mut(id as usize) {
+                *still = true;
+            }
+        }
+    }
+    still
+}
+
 /// True if object `i` is not as it was.
 fn moved(animation: Option<&Animation>, i: usize, before: &ScenePose, now: &ScenePose) -> bool {
     let joints = animation.and_then(|a| a.joints_of(i));
     let bent = joints.is_some_and(|j| before.joints.get(j.clone()) != now.joints.get(j));
-    bent || before.objects.get(i) != now.objects.get(i)
+    let weights = animation.and_then(|a| a.morphed(i)).map(|morphed| morphed.weights());
+    let morphed = weights.is_some_and(|w| before.weights.get(w.clone()) != now.weights.get(w));
+    bent || morphed || before.objects.get(i) != now.objects.get(i)
 }

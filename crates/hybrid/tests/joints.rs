@@ -38,6 +38,7 @@ fn bent_ball() -> niwaki_scene::Scene {
         nodes: vec![node],
         skins: vec![Skin { joints: vec![joint(None), joint(Some(0))] }],
         skinned: vec![Skinned::new(0, 2, positions, normals, influences).unwrap()],
+        ..Rig::default()
     };
     let motions = vec![Motion::default(), Motion { skinned: Some(0), ..Motion::default() }];
     scene.objects[1].dynamic = true;

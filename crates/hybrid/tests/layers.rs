@@ -4,7 +4,7 @@ mod common;
 
 use common::{Parts, flip, gpu, render, show, small, whitted};
 use niwaki_core::glam::Vec3;
-use niwaki_hybrid::{Decision, Effect, March, NearRegion, Settings, Stage};
+use niwaki_hybrid::{Behind, Decision, Effect, March, NearRegion, Settings, Stage};
 use niwaki_scene::{Camera, Environment, Material, Scene};
 
 /// A mirror that shows a wall behind a panel, in part from beside the panel; from the camera the
@@ -52,4 +52,28 @@ fn the_second_layer_shows_what_the_first_hides() {
         assert!(two.plan.runs(Effect::SecondLayer), "{}", two.plan);
         assert!(two.report.stage(Stage::Effect(Effect::SecondLayer)).unwrap().draws > 0);
     }
+}
+
+#[test]
+fn what_stands_still_has_no_end_if_asked_for() {
+    let Some(gpu) = gpu() else { return };
+    let mut scene = hidden_wall();
+    let with = |endless_when_still| {
+        let near_region = NearRegion::HalfSize(1.0);
+        let behind = Behind::Sky;
+        small(Settings { near_region, behind, endless_when_still, ..Settings::default() })
+    };
+    let thin = render(&gpu, &scene, &with(false));
+    let endless = render(&gpu, &scene, &with(true));
+    let behind = |frame: &niwaki_hybrid::Frame| frame.report.counters.behind_misses;
+    assert!(behind(&thin) > 500 && behind(&endless) == 0, "{} {}", behind(&thin), behind(&endless));
+    // The same as a thickness of 1, whatever the factor.
+    scene.materials[1].thickness = 1.0;
+    assert_eq!(render(&gpu, &scene, &with(false)).image, endless.image);
+    let none = Settings { thickness: 0.0, ..with(true) };
+    assert_eq!(render(&gpu, &scene, &none).image, endless.image);
+    // Rays pass behind what moves.
+    scene.materials[1].thickness = 0.001;
+    scene.objects[1].dynamic = true;
+    assert_eq!(render(&gpu, &scene, &with(true)).image, thin.image);
 }

@@ -88,6 +88,46 @@ fn glass_shows_what_is_behind() {
 }
 
 #[test]
+fn bodies_of_glass_bend_what_is_behind() {
+    let Some(gpu) = gpu() else { return };
+    let glass = Material { absorption: Vec3::new(0.5, 0.05, 0.3), ..Material::glass("ball", 1.5) };
+    let mirror = Material::metal("mirror", Vec3::ONE, 0.0);
+    let stripes = [Vec3::new(0.9, 0.1, 0.1), Vec3::new(0.1, 0.2, 0.9), Vec3::new(0.8, 0.8, 0.1)];
+    // One ball is seen in the mirror, one beside it.
+    let mut parts = Parts::default()
+        .quad(Vec3::new(-2.0, -1.0, -3.0), Vec3::X * 2.4, Vec3::Y * 3.0, &mirror)
+        .sphere(Vec3::new(-1.0, 0.4, 3.5), 0.8, &glass)
+        .sphere(Vec3::new(1.0, 0.4, -3.5), 0.5, &glass);
+    for k in 0..12_u8 {
+        let stripe = Material::matte("stripe", stripes[usize::from(k % 3)]);
+        let x = 6.0 - f32::from(k);
+        parts = parts.quad(Vec3::new(x, -3.0, 6.0), Vec3::NEG_X, Vec3::Y * 8.0, &stripe).quad(
+            Vec3::new(x - 1.0, -3.0, -6.0),
+            Vec3::X,
+            Vec3::Y * 8.0,
+            &stripe,
+        );
+    }
+    let eye = Vec3::new(0.0, 0.6, 0.3);
+    let camera = Camera::look_at(eye, Vec3::new(0.0, 0.5, -3.0), Vec3::Y, 0.6);
+    let scene = parts.build(camera, vec![sun()], Environment::Constant(Vec3::splat(0.6)));
+    let settings = near(Settings::default());
+    let wanted = whitted(&scene, &settings);
+    let bent = render(&gpu, &scene, &settings).image;
+    let mut walls = scene;
+    for wall in &mut walls.materials[1..3] {
+        (wall.thin_walled, wall.thickness) = (true, 0.0);
+    }
+    let straight = render(&gpu, &walls, &settings).image;
+    show("body-whitted", &wanted);
+    show("body", &bent);
+    show("body-straight", &straight);
+    let [bent, straight] = [bent, straight].map(|image| flip(&image, &wanted));
+    println!("bodies: FLIP {bent:.4}, as thin walls {straight:.4}");
+    assert!(bent < 0.1 && straight > 1.4 * bent, "{bent} {straight}");
+}
+
+#[test]
 fn cut_out_surfaces_have_holes() {
     let Some(gpu) = gpu() else { return };
     let pixels = (0..64).map(|i| [40, 160, 40, if (i + i / 8) % 2 == 0 { 0 } else { 255 }]);

@@ -8,6 +8,10 @@ use niwaki_core::Ray;
 pub struct RenderStats {
     /// Closest-hit queries, continuations through cut-out surfaces included.
     pub closest_hit_rays: u64,
+    /// Rays by the number of reflections, refractions and scatterings that led to them, 0 being those
+    /// of the camera and what goes straight on behind blended surfaces; the last counts all that are
+    /// deeper. Continuations through cut-out surfaces count no more.
+    pub rays_by_depth: [u64; Self::DEPTHS],
     /// Queries for visibility between a surface and a light.
     pub shadow_rays: u64,
     /// Rays that went on from a surface on the side that they came from: mirrored or scattered.
@@ -30,8 +34,13 @@ pub struct RenderStats {
 }
 
 impl RenderStats {
-    pub(crate) const fn plus(self, other: Self) -> Self {
+    /// Length of [`RenderStats::rays_by_depth`].
+    pub const DEPTHS: usize = 17;
+
+    pub(crate) fn plus(self, other: Self) -> Self {
+        let sum = |d: usize| self.rays_by_depth[d] + other.rays_by_depth[d];
         Self {
+            rays_by_depth: std::array::from_fn(sum),
             closest_hit_rays: self.closest_hit_rays + other.closest_hit_rays,
             shadow_rays: self.shadow_rays + other.shadow_rays,
             reflected_rays: self.reflected_rays + other.reflected_rays,
@@ -62,8 +71,9 @@ pub(crate) trait Observer {
 }
 
 impl Observer for RenderStats {
-    fn closest(&mut self, _: u32, _: &Ray) {
+    fn closest(&mut self, depth: u32, _: &Ray) {
         self.closest_hit_rays += 1;
+        self.rays_by_depth[(depth as usize).min(Self::DEPTHS - 1)] += 1;
     }
     fn shadow(&mut self, _: &Ray) {
         self.shadow_rays += 1;

@@ -180,8 +180,8 @@ impl Frame<'_> {
             _ if !self.moved && self.facts.kept.is_some_and(|k| k.deformed) => {
                 keep("no object has moved since the last frame")
             }
-            1 => run(self.quality(Effect::Deformation), "1 object moves or bends"),
-            n => run(self.quality(Effect::Deformation), format!("{n} objects move or bend")),
+            1 => run(self.quality(Effect::Deformation), "1 object morphs, moves or bends"),
+            n => run(self.quality(Effect::Deformation), format!("{n} objects morph, move or bend")),
         }
     }
 

@@ -112,6 +112,7 @@ impl HybridRenderer {
         let longest = moved.iter().map(|m| m.count).max().unwrap_or(0);
         let objects = self.gpu.upload("moved objects", &moved, BufferUsages::STORAGE)?;
         let joints = self.gpu.upload("joints", &scenery.pose.joints, BufferUsages::STORAGE)?;
+        let weights = self.gpu.upload("weights", &scenery.pose.weights, BufferUsages::STORAGE)?;
         let group = self.gpu.bind(
             &self.pipelines.deform_layout,
             &[
@@ -120,6 +121,9 @@ impl HybridRenderer {
                 self.uploaded.surfaces.vertices.as_entire_binding(),
                 rest.influences.as_entire_binding(),
                 joints.as_entire_binding(),
+                rest.starts.as_entire_binding(),
+                rest.differences.as_entire_binding(),
+                weights.as_entire_binding(),
             ],
         );
         // Kernels step on by the size of the grid, so a smaller grid is right too.

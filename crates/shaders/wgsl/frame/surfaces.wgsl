@@ -30,8 +30,9 @@ struct Material {
     // What rays may do here: RAYS_* and POLISHED.
     flags: u32,
     mean_fresnel: f32,
-    pad0: u32,
-    pad1: u32,
+    // How long rays are inside of what light passes, in the mean.
+    body: f32,
+    pad: u32,
 }
 
 const ALPHA_MASK = 1u;
@@ -44,6 +45,8 @@ const POLISHED = 4u;
 const SEE_THROUGH = 8u;
 // It has holes, beside which rays see what it hides from the centre of the map.
 const CUT_OUT = 16u;
+// What light passes are thin walls, not bodies.
+const THIN_WALLED = 32u;
 
 struct TextureInfo {
     // Top left corner in its layer.

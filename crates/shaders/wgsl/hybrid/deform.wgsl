@@ -1,5 +1,6 @@
 // Vertices of moving and bending objects at a point in time: the equations of
-// niwaki_scene::JointPose, then those of niwaki_scene::ObjectPose, one row of workgroups an object.
+// niwaki_scene::animation::Morphed, then those of niwaki_scene::JointPose, then those of
+// niwaki_scene::ObjectPose, one row of workgroups an object.
 
 struct Vertex {
     position: vec3f,
@@ -24,6 +25,20 @@ struct Object {
     // Where its influences begin, or NO_SKIN.
     first_influence: u32,
     first_joint: u32,
+    // Where the places of its differences begin in `starts`, or NO_TARGETS.
+    first_start: u32,
+    first_weight: u32,
+    // How normals follow: BLENDED, FACETS or MIRRORED_FACETS.
+    normals: u32,
+    pad: u32,
+}
+
+// What a target adds to a vertex at weight 1.
+struct Difference {
+    position: vec3f,
+    target_: u32,
+    normal: vec3f,
+    pad: u32,
 }
 
 // On which joints a vertex hangs: their numbers in its skin, two to a word, and their weights.
@@ -43,12 +58,19 @@ struct Joint {
 }
 
 const NO_SKIN = 0xffffffffu;
+const NO_TARGETS = 0xffffffffu;
+const BLENDED = 0u;
+const FACETS = 1u;
 
 @group(0) @binding(0) var<storage, read> objects: array<Object>;
 @group(0) @binding(1) var<storage, read> rest: array<Vertex>;
 @group(0) @binding(2) var<storage, read_write> moved: array<Vertex>;
 @group(0) @binding(3) var<storage, read> influences: array<Influence>;
 @group(0) @binding(4) var<storage, read> joints: array<Joint>;
+// Where the differences of each vertex begin and, in the next word, where they end.
+@group(0) @binding(5) var<storage, read> starts: array<u32>;
+@group(0) @binding(6) var<storage, read> differences: array<Difference>;
+@group(0) @binding(7) var<storage, read> weights: array<f32>;
 
 const TAU = 6.283185307179586;
 
@@ -73,9 +95,7 @@ fn blend(influence: Influence, first: u32) -> Joint {
 
 // A direction by the cofactors of a transform, of unit length; n where there is none.
 fn turned(a: vec3f, b: vec3f, c: vec3f, m: vec3f, n: vec3f) -> vec3f {
-    let t = vec3f(dot(cross(b, c), m), dot(cross(c, a), m), dot(cross(a, b), m));
-    let length_squared = dot(t, t);
-    return select(n, t * inverseSqrt(length_squared), length_squared > 0.0);
+    return unit(vec3f(dot(cross(b, c), m), dot(cross(c, a), m), dot(cross(a, b), m)), n);
 }
 
 fn place(pose: Pose, p: vec3f) -> vec3f {
@@ -100,6 +120,38 @@ fn turn(pose: Pose, p: vec3f, n: vec3f) -> vec3f {
     return turned(pose.row0.xyz, pose.row1.xyz, pose.row2.xyz, m, n);
 }
 
+// Vertex k of an object with the weights of its targets.
+fn morphed(object: Object, k: u32) -> vec3f {
+    var p = rest[object.first + k].position;
+    for (var i = starts[object.first_start + k]; i < starts[object.first_start + k + 1u]; i++) {
+        p += differences[i].position * weights[object.first_weight + differences[i].target_];
+    }
+    return p;
+}
+
+// Its normal, given where it is.
+fn morphed_normal(object: Object, k: u32) -> vec3f {
+    let base = rest[object.first + k].normal;
+    var n = base;
+    for (var i = starts[object.first_start + k]; i < starts[object.first_start + k + 1u]; i++) {
+        n += differences[i].normal * weights[object.first_weight + differences[i].target_];
+    }
+    n = unit(n, base);
+    let first = k - k % 3u;
+    if object.normals == BLENDED || first + 2u >= object.count {
+        return n;
+    }
+    let a = morphed(object, first);
+    let across = cross(morphed(object, first + 1u) - a, morphed(object, first + 2u) - a);
+    return unit(select(-across, across, object.normals == FACETS), n);
+}
+
+// Of unit length; `n` where there is no length.
+fn unit(t: vec3f, n: vec3f) -> vec3f {
+    let length_squared = dot(t, t);
+    return select(n, t * inverseSqrt(length_squared), length_squared > 0.0);
+}
+
 @compute @workgroup_size(64)
 fn deform(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     for (var i = id.y; i < arrayLength(&objects); i += groups.y) {
@@ -107,6 +159,10 @@ fn deform(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         for (var k = id.x; k < object.count; k += groups.x * 64u) {
             let at = object.first + k;
             var vertex = rest[at];
+            if object.first_start != NO_TARGETS {
+                vertex.normal = morphed_normal(object, k);
+                vertex.position = morphed(object, k);
+            }
             if object.first_influence != NO_SKIN {
                 let j = blend(influences[object.first_influence + k], object.first_joint);
                 let h = vec4f(vertex.position, 1.0);

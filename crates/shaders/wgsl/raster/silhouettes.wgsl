@@ -6,6 +6,9 @@
 // walls of two triangles cancel where they share an edge in opposite directions; what is left of an
 // edge is the sum of its triangles' directions, which is 0 inside a surface, 1 or -1 at a border,
 // 2 or -2 at an outline of a closed mesh, and any number where more triangles meet.
+//
+// A closed part of the mesh (a solid) casts the same shadow from one side alone: then triangles of the
+// other side count 0, and its outlines 1 or -1.
 
 struct Caster {
     // Relative to the position: world to clip space of the light's map.
@@ -31,18 +34,22 @@ struct Edge {
 @group(1) @binding(1) var<storage, read> edges: array<Edge>;
 // A triangle and, in the lowest bit, 1 if it has the edge from b to a.
 @group(1) @binding(2) var<storage, read> incidences: array<u32>;
-// What each triangle counts: 1 if it faces the light, -1 if its back does, 0 if no light reaches it.
-@group(1) @binding(3) var<storage, read_write> facings: array<i32>;
+// The number of each triangle's solid times 4 (0 if it is of none), and in the lowest bits 1 more than
+// what it counts: 1 if it faces the light, -1 if its back does, 0 if no light reaches it or its solid
+// casts from the other side.
+@group(1) @binding(3) var<storage, read_write> facings: array<u32>;
 // Corners of triangles that face the light, and of those that turn their back.
 @group(1) @binding(4) var<storage, read_write> fronts: array<u32>;
 @group(1) @binding(5) var<storage, read_write> backs: array<u32>;
 // Edges to be extruded, each as often as it counts.
 @group(1) @binding(6) var<storage, read_write> walls: array<vec2u>;
 // Arguments of three draws; the counters are words 0 (indices of `fronts`), 5 (indices of `backs`)
-// and 10 (vertices of walls).
+// and 10 (vertices of walls). From `SIDES` on the side from which each solid casts: 1 or -1 as triangles
+// count, 0 for both. (Devices need not have more storage buffers than these for a shader.)
 @group(1) @binding(7) var<storage, read_write> draws: array<atomic<u32>>;
 
 const GROUP = 64u;
+const SIDES = 16u;
 
 var<workgroup> front_count: atomic<u32>;
 var<workgroup> back_count: atomic<u32>;
@@ -93,7 +100,11 @@ fn classify(
         var code = 0;
         if triangle < caster.triangles {
             code = facing(triangle);
-            facings[triangle] = code;
+            let solid = facings[triangle] >> 2u;
+            if solid > 0u && code * bitcast<i32>(atomicLoad(&draws[SIDES + solid - 1u])) < 0 {
+                code = 0;
+            }
+            facings[triangle] = (solid << 2u) | u32(code + 1);
         }
         // One place in the lists for the group, so that few threads wait for each other.
         if thread == 0u {
@@ -142,7 +153,7 @@ fn silhouettes(
             edge = edges[number];
             for (var k = 0u; k < edge.count; k++) {
                 let incidence = incidences[edge.first + k];
-                let code = facings[incidence >> 1u];
+                let code = i32(facings[incidence >> 1u] & 3u) - 1;
                 sum += select(code, -code, (incidence & 1u) != 0u);
             }
         }
