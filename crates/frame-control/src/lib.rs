@@ -39,6 +39,7 @@ pub use error::Error;
 pub use history::MAX_DELAY;
 pub use kendall::kendall_tau_b;
 pub use ladder::Ladder;
+pub use least_squares::{Row, least_squares};
 pub use metrics::{FrameRecord, Summary, frames_off};
 pub use regression::{Regression, RegressionConfig, RegressionController};
 pub use search::{
@@ -53,6 +54,7 @@ mod error;
 mod history;
 mod kendall;
 mod ladder;
+mod least_squares;
 mod metrics;
 mod regression;
 mod search;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::within;
 use crate::history::History;
+use crate::least_squares::{Row, least_squares};
 use crate::{Controller, Decision, Error, InnerConfig, InnerLoop, Ladder, Verdict};
 
 /// Settings of a [`RegressionController`].
@@ -31,9 +32,8 @@ impl Default for RegressionConfig {
 /// bound, coefficients of opposite signs that cancel on a smooth path predict nonsense after a turn.
 ///
 /// Errors are relative: a frame's features are divided by its time, and their weighted sum should be
-/// one. Solved anew for each measurement from the last 128, so that nothing winds up; while a
-/// coefficient is negative, the most negative one is set to zero and the rest solved again (the
-/// inner loop of Lawson and Hanson 1974, *Solving Least Squares Problems*, chapter 23).
+/// one. Solved anew ([`least_squares`]) for each measurement from the last 128, so that nothing winds
+/// up.
 #[derive(Clone, Debug)]
 pub struct Regression<const N: usize> {
     forgetting: f64,
@@ -103,77 +103,15 @@ impl<const N: usize> Regression<N> {
         Verdict::Used
     }
 
-    /// The coefficients that fit best of those that are not negative.
     fn solve(&self) -> [f64; N] {
-        let mut products = [[0.0; N]; N];
-        let mut sums = [0.0; N];
         let mut weight = 1.0;
-        for x in &self.samples {
-            for i in 0..N {
-                for j in 0..N {
-                    products[i][j] += weight * x[i] * x[j];
-                }
-                sums[i] += weight * x[i];
-            }
+        let rows = self.samples.iter().map(|&features| {
+            let row = Row { features, value: 1.0, weight };
             weight *= self.forgetting;
-        }
-        for (i, row) in products.iter_mut().enumerate() {
-            // Relative, so that the unit of a feature does not matter.
-            row[i] *= 1.0 + self.ridge;
-        }
-        // A feature that was never there costs nothing.
-        let mut free: [bool; N] = core::array::from_fn(|i| products[i][i] > 0.0);
-        loop {
-            let solution = solve_free(&products, &sums, &free);
-            let most_negative = (0..N)
-                .filter(|&i| solution[i] < 0.0)
-                .min_by(|&i, &j| solution[i].total_cmp(&solution[j]));
-            match most_negative {
-                Some(i) => free[i] = false,
-                None => return solution,
-            }
-        }
+            row
+        });
+        least_squares(rows, self.ridge)
     }
-}
-
-/// Solves products · coefficients = sums for the free ones, the others being zero, by Gauss's
-/// elimination: the matrix is positive definite, so no pivoting is needed.
-fn solve_free<const N: usize>(
-    products: &[[f64; N]; N],
-    sums: &[f64; N],
-    free: &[bool; N],
-) -> [f64; N] {
-    let mut matrix = *products;
-    let mut right = *sums;
-    for i in 0..N {
-        for j in 0..N {
-            if !free[i] || !free[j] {
-                matrix[i][j] = f64::from(u8::from(i == j));
-            }
-        }
-        if !free[i] {
-            right[i] = 0.0;
-        }
-    }
-    for column in 0..N {
-        let pivot = matrix[column];
-        // Rounding may leave nothing of the ridge.
-        let diagonal = pivot[column].max(f64::MIN_POSITIVE);
-        for row in column + 1..N {
-            let share = matrix[row][column] / diagonal;
-            for (entry, above) in matrix[row].iter_mut().zip(&pivot).skip(column) {
-                *entry -= share * above;
-            }
-            right[row] -= share * right[column];
-        }
-    }
-    let mut solution = [0.0; N];
-    for row in (0..N).rev() {
-        let known: f64 = (row + 1..N).map(|j| matrix[row][j] * solution[j]).sum();
-        let value = (right[row] - known) / matrix[row][row].max(f64::MIN_POSITIVE);
-        solution[row] = if value.is_finite() { value } else { 0.0 };
-    }
-    solution
 }
 
 /// The present-day baseline: the inner loop over a [`Regression`] on counters that `features` makes

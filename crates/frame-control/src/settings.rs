@@ -69,6 +69,20 @@ impl RenderSettings {
         within("near_region", self.near_region, 0.0, 1.0, "within 0 and 1")
     }
 
+    /// Pixels of a frame of this full width and height at the render scale, at least 1 each.
+    #[must_use]
+    pub fn scaled(&self, size: [u32; 2]) -> [u32; 2] {
+        size.map(|pixels| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "saturates; a number of pixels"
+            )]
+            let scaled = (f64::from(pixels) * self.render_scale).round() as u32;
+            scaled.max(1)
+        })
+    }
+
     /// Whether every field asks for as much as `other`'s or more. Where this holds, quality and
     /// the work of any sane renderer are no lower.
     pub fn at_least(&self, other: &Self) -> bool {
@@ -97,9 +111,10 @@ impl Ladder<RenderSettings> {
     /// Past the thesis, for the hybrid renderer: from half resolution without effects to full
     /// resolution with four bounces and 64 rays of ambient occlusion.
     ///
-    /// What is missed most comes first: resolution (0.5 to 1 in tenths), shadows, four short rays
-    /// of ambient occlusion, the first bounce in a growing near region, 16 rays of a growing
-    /// radius, the second bounce, 32 rays, bounces three and four, 64 rays.
+    /// What is missed most comes first: resolution (0.5 to 1 in tenths), shadows, a near region and
+    /// in it four short rays of ambient occlusion (the hybrid renderer has none elsewhere), the first
+    /// bounce, the region growing, 16 rays of a growing radius, the second bounce, 32 rays, bounces
+    /// three and four, 64 rays.
     pub fn hybrid() -> Self {
         let mut s =
             RenderSettings { ao_radius: 0.025, render_scale: 0.5, ..RenderSettings::PRIMARY };
@@ -112,11 +127,12 @@ impl Ladder<RenderSettings> {
             step(&|s| s.render_scale = tenths / 10.0);
         }
         step(&|s| s.shadows = true);
+        step(&|s| s.near_region = 0.025);
         for ao_rays in 1..=4 {
             step(&|s| s.ao_rays = ao_rays);
         }
         step(&|s| s.reflection_depth = 1);
-        for near in [0.025, 0.05, 0.1, 0.2] {
+        for near in [0.05, 0.1, 0.2] {
             step(&|s| s.near_region = near);
         }
         for ao_rays in 5..=16 {

@@ -6,10 +6,10 @@ use niwaki_core::{Builder, glam::Vec3};
 use niwaki_gpu_model::{
     Device, Form, FrameModel, KernelCounts, RaySettings, Workload,
     hong_kim::Model,
-    workload::{Sampling, View},
+    workload::{CountingKernel, LightSample, Sampling, View},
 };
 use niwaki_scene::generate::generate;
-use niwaki_trace::BinaryScene;
+use niwaki_trace::{BinaryScene, Kernel, QuantisedScene};
 use std::hint::black_box;
 
 const COUNTS: KernelCounts = KernelCounts {
@@ -47,12 +47,25 @@ fn predict(c: &mut Criterion) {
 fn sample(c: &mut Criterion) {
     let mesh = generate("foliage", 174_000, 1).expect("a known scene").mesh;
     let bvh = Binned::default().build_mesh(&mesh).expect("a finite mesh");
-    let scene = BinaryScene::new(&bvh, &mesh).expect("its own mesh");
+    // As GPUs have it, by the best kernel and by the scalar one, and the binary tree.
+    let best = QuantisedScene::<8>::new(&bvh, &mesh).expect("its own mesh");
+    let scalar = best.clone().with_kernel(Kernel::Scalar).expect("every processor has it");
+    let binary = BinaryScene::new(&bvh, &mesh).expect("its own mesh");
     let bounds = mesh.bounds();
     let eye = bounds.center() + bounds.extent() * Vec3::new(0.3, 0.35, 0.4);
     let view = View::look_at(eye, bounds.center(), Vec3::Y, 0.9, 16.0 / 9.0);
-    let sampling = Sampling { ao_radius: 0.1 * bounds.extent().length(), ..Sampling::default() };
-    c.bench_function("sample/174k", |b| b.iter(|| sampling.sample(&scene, &mesh, &view)));
+    let sampling = Sampling {
+        ao_radius: 0.1 * bounds.extent().length(),
+        lights: vec![LightSample::Directional(Vec3::new(0.4, -1.0, 0.3))],
+        ..Sampling::default()
+    };
+    let kernels: [(&str, &dyn CountingKernel); 3] =
+        [("wide", &best), ("wide, scalar", &scalar), ("binary", &binary)];
+    for (name, kernel) in kernels {
+        c.bench_function(&format!("sample/174k, {name}"), |b| {
+            b.iter(|| sampling.sample(kernel, &mesh, &view));
+        });
+    }
 }
 
 criterion_group!(benches, predict, sample);

@@ -4,9 +4,9 @@
 
 use niwaki_build_binned::Binned;
 use niwaki_core::{Builder, glam::Vec3};
-use niwaki_gpu_model::workload::{CountingKernel, Pattern, Sampling, View};
+use niwaki_gpu_model::workload::{CountingKernel, LightSample, Pattern, Sampling, View};
 use niwaki_scene::generate::generate;
-use niwaki_trace::{BinaryScene, WideScene};
+use niwaki_trace::{BinaryScene, Kernel, QuantisedScene};
 use std::{error::Error, time::Instant};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -19,17 +19,26 @@ fn main() -> Result<(), Box<dyn Error>> {
     let view = View::look_at(eye, bounds.center(), Vec3::Y, 0.9, 16.0 / 9.0);
     let radius = 0.1 * bounds.extent().length();
     println!("{} triangles", mesh.len());
-    let kernels: [(&str, Box<dyn CountingKernel>); 2] = [
+    // As GPUs have it, by the best kernel and by the scalar one.
+    let wide = QuantisedScene::<8>::new(&bvh, &mesh)?;
+    let kernels: [(&str, Box<dyn CountingKernel>); 3] = [
         ("binary", Box::new(BinaryScene::new(&bvh, &mesh)?)),
-        ("wide", Box::new(WideScene::<8>::new(&bvh, &mesh)?)),
+        ("wide, scalar", Box::new(wide.clone().with_kernel(Kernel::Scalar)?)),
+        ("wide", Box::new(wide)),
     ];
     for (name, kernel) in &kernels {
         for pattern in
             [Pattern::Regular, Pattern::Jittered, Pattern::LowDiscrepancy, Pattern::Blocks]
         {
             for (width, height) in [(32, 18), (64, 36)] {
-                let sampling =
-                    Sampling { pattern, width, height, ao_radius: radius, ..Sampling::default() };
+                let sampling = Sampling {
+                    pattern,
+                    width,
+                    height,
+                    ao_radius: radius,
+                    lights: vec![LightSample::Directional(Vec3::new(0.4, -1.0, 0.3))],
+                    ..Sampling::default()
+                };
                 let mut seconds: Vec<f64> = (0..15)
                     .map(|_| {
                         let begin = Instant::now();
@@ -40,14 +49,16 @@ fn main() -> Result<(), Box<dyn Error>> {
                 seconds.sort_by(f64::total_cmp);
                 let w = sampling.sample(&**kernel, &mesh, &view);
                 println!(
-                    "{name} {width}×{height} {pattern:?}: {:.2} ms; p_t {:.1} p_i {:.1} t_v {:.2} a_t {:.1} a_w {:.1} m {:.2}",
+                    "{name} {width}×{height} {pattern:?}: {:.2} ms; p_t {:.1} p_i {:.1} t_v {:.2} a_t {:.1} a_w {:.1} m {:.2}, divergence {:.2} and {:.2}",
                     seconds[seconds.len() / 2] * 1e3,
                     w.primary_traversals,
                     w.primary_intersections,
                     w.visible_triangles,
                     w.ao_traversals,
                     w.ao_intersections,
-                    w.coalescing
+                    w.coalescing,
+                    w.primary_divergence,
+                    w.secondary_divergence
                 );
             }
         }

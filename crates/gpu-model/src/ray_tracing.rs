@@ -51,6 +51,10 @@ pub struct Constants {
     /// Memory instructions of an AO or shadow ray outside of both loops. At least 0. Default 0, as
     /// the paper has none.
     pub memory_per_secondary_ray: f64,
+    /// The share of [`Workload::primary_divergence`] and [`Workload::secondary_divergence`] that adds to
+    /// compute instructions of traversal and intersection. At least 0. Default 0, as in the paper, by
+    /// which threads of a warp do not wait for each other.
+    pub divergence: f64,
 }
 
 impl Default for Constants {
@@ -60,6 +64,7 @@ impl Default for Constants {
             ao_intersections: 0.5,
             compute_per_secondary_ray: 0.0,
             memory_per_secondary_ray: 0.0,
+            divergence: 0.0,
         }
     }
 }
@@ -74,6 +79,16 @@ impl Constants {
             memory_per_secondary_ray: counts.memory_constant,
             ..Self::default()
         }
+    }
+
+    /// By how much instructions of primary and of secondary rays are more, for threads that wait for
+    /// others of their warp.
+    #[must_use]
+    pub const fn waiting(&self, workload: &Workload) -> [f64; 2] {
+        [
+            1.0 + self.divergence * workload.primary_divergence,
+            1.0 + self.divergence * workload.secondary_divergence,
+        ]
     }
 }
 
@@ -103,7 +118,7 @@ impl Instructions {
     /// `a_m = a_ca·(i_mt·a_t·a_r + t_v·i_mi·a_r/2)`,
     /// `i_mu = i_t·(1 − m) + a_m`, `i_mc = i_t·m`. With shadows, `p_t` and `p_i` include the shadow
     /// rays', but for the `p_t` of `a_ca`. What [`Constants`] give for each secondary ray is added to
-    /// `i_c`, `i_t` and the bracket of `a_m`.
+    /// `i_c`, `i_t` and the bracket of `a_m`; their divergence multiplies instructions of `i_c`.
     ///
     /// # Errors
     /// [`ModelError::OutOfRange`] for numbers that are negative, NaN or above 10¹⁵, and for an m
@@ -121,6 +136,7 @@ impl Instructions {
         check("ao_intersections", constants.ao_intersections, 0.0, 1e15, COUNT)?;
         let (per_ray, loads_per_ray) =
             (constants.compute_per_secondary_ray, constants.memory_per_secondary_ray);
+        check("divergence", constants.divergence, 0.0, 1e9, "between 0 and 1e9")?;
         check("compute_per_secondary_ray", per_ray, 0.0, 1e6, "between 0 and 1e6")?;
         check("memory_per_secondary_ray", loads_per_ray, 0.0, 1e6, "between 0 and 1e6")?;
         let [s_t, s_i, s_r] = if settings.shadows {
@@ -131,10 +147,13 @@ impl Instructions {
         let (p_t, p_i) = (workload.primary_traversals, workload.primary_intersections);
         let (a_t, a_w) = (workload.ao_traversals, workload.ao_intersections);
         let (t_v, a_r, m) = (workload.visible_triangles, settings.ao_rays, workload.coalescing);
-        let compute = counts.compute_per_traversal * (a_t * a_r + p_t + s_t)
-            + counts.compute_per_intersection * (p_i + s_i + a_w * t_v * a_r)
+        let [primary, secondary] = constants.waiting(workload);
+        let compute = counts.compute_per_traversal
+            * (p_t * primary + (a_t * a_r + s_t) * secondary)
+            + counts.compute_per_intersection
+                * (p_i * primary + (s_i + a_w * t_v * a_r) * secondary)
             + counts.compute_constant
-            + per_ray * (t_v * a_r + s_r);
+            + per_ray * (t_v * a_r + s_r) * secondary;
         let initial_memory = (counts.memory_per_traversal * (p_t + s_t)
             + counts.memory_per_intersection * (p_i + s_i)
             + counts.memory_constant

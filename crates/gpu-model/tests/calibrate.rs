@@ -2,7 +2,7 @@
 
 use niwaki_gpu_model::{
     Device, Form, FrameModel, KernelCounts, RaySettings, Workload,
-    calibrate::{Observation, calibrate},
+    calibrate::{Calibrated, Observation, Parameter, calibrate, calibrate_only, choose},
     hong_kim::Model,
 };
 
@@ -30,6 +30,8 @@ fn frames() -> Vec<(Workload, RaySettings)> {
                 shadow_traversals: 20.0 * random.f64(),
                 shadow_intersections: 3.0 * random.f64(),
                 shadow_rays: random.f64(),
+                primary_divergence: random.f64(),
+                secondary_divergence: 2.0 * random.f64(),
                 samples: 576,
             };
             (view, RaySettings { ao_rays: f64::from(i % 9), shadows: i % 2 == 0 })
@@ -117,4 +119,52 @@ fn times_that_are_none_are_refused() {
     // Times that no parameters give end in a fit, and no parameter runs away.
     let absurd = Observation { workload, settings, seconds: 1e9 };
     assert!(calibrate(&model, &[absurd]).unwrap().model.device.check().is_ok());
+}
+
+/// Where computation bounds every frame, times tell how fast it is, and nothing of memory.
+#[test]
+fn only_what_times_tell_is_chosen() {
+    let fast = Device::builtin("geforce-580").unwrap();
+    let fast = Device {
+        memory_latency_cycles: 1e-3,
+        departure_delay_coalesced_cycles: 1e-6,
+        departure_delay_uncoalesced_cycles: 1e-6,
+        bandwidth_gb_s: 1e6,
+        ..fast
+    };
+    let truth = model_of(Device { issue_cycles: 7.0 * fast.issue_cycles, ..fast.clone() });
+    let mut random = fastrand::Rng::with_seed(8);
+    let noisy = |truth: &FrameModel, random: &mut fastrand::Rng| -> Vec<Observation> {
+        let mut all = observed(truth);
+        for (i, one) in all.iter_mut().enumerate() {
+            // Five settings a view.
+            one.workload = frames()[i / 5].0;
+            one.seconds = truth.predict(&one.workload, &one.settings).unwrap().seconds
+                * (0.98 + 0.04 * random.f64());
+        }
+        all
+    };
+    let observations = noisy(&truth, &mut random);
+    let model = model_of(fast);
+    let choice = choose(&model, &observations, &Parameter::ALL).unwrap();
+    assert_eq!(choice.parameters, [Parameter::Issue]);
+    assert!(choice.left_out_error < 0.02, "{}", choice.left_out_error);
+    let made = calibrate_only(&model, &observations, &choice.parameters).unwrap();
+    assert!((made.model.device.issue_cycles / truth.device.issue_cycles - 1.0).abs() < 0.01);
+    assert_eq!(made.model.device.memory_latency_cycles, model.device.memory_latency_cycles);
+
+    // Threads that wait for each other show as well.
+    let mut truth = truth;
+    truth.constants.divergence = 0.6;
+    let observations = noisy(&truth, &mut random);
+    let choice = choose(&model, &observations, &Parameter::ALL).unwrap();
+    assert_eq!(choice.parameters, [Parameter::Issue, Parameter::Divergence]);
+    let made = calibrate_only(&model, &observations, &choice.parameters).unwrap();
+    let found = Parameter::Divergence.value(made.model.frame_model());
+    assert!((found - 0.6).abs() < 0.1, "{found}");
+
+    // One observation has nothing to be compared with.
+    let one = &observations[..1];
+    assert!(choose(&model, one, &Parameter::ALL).unwrap().parameters.is_empty());
+    assert!(choose(&model, &[], &Parameter::ALL).is_err());
 }

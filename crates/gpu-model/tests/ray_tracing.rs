@@ -26,6 +26,8 @@ const VIEW: Workload = Workload {
     shadow_traversals: 7.0,
     shadow_intersections: 1.0,
     shadow_rays: 0.25,
+    primary_divergence: 0.5,
+    secondary_divergence: 2.0,
     samples: 576,
 };
 
@@ -127,4 +129,26 @@ proptest! {
         let all = few.instructions.coalesced + few.instructions.uncoalesced;
         prop_assert!((all - few.instructions.memory()).abs() < 1e-9);
     }
+}
+
+/// Threads that wait for others compute as long as those.
+#[test]
+fn divergence_multiplies_computation() {
+    let settings = RaySettings { ao_rays: 8.0, shadows: true };
+    let with = |divergence| {
+        let constants =
+            Constants { divergence, compute_per_secondary_ray: 3.0, ..Constants::default() };
+        Instructions::of(&COUNTS, &VIEW, &settings, &constants).unwrap()
+    };
+    let (none, half) = (with(0.0), with(0.5));
+    let per_step = (COUNTS.compute_per_traversal, COUNTS.compute_per_intersection);
+    let primary = per_step.0 * 30.0 + per_step.1 * 4.0;
+    let rays = 0.5 * 8.0 + 0.25;
+    let secondary =
+        per_step.0 * (16.0 * 8.0 + 7.0) + per_step.1 * (2.0 * 0.5 * 8.0 + 1.0) + 3.0 * rays;
+    let wanted = none.compute + 0.5 * (0.5 * primary + 2.0 * secondary);
+    assert!((half.compute - wanted).abs() < 1e-9 * wanted, "{} {wanted}", half.compute);
+    assert_eq!(half.memory(), none.memory());
+    let bad = Constants { divergence: -1.0, ..Constants::default() };
+    assert!(Instructions::of(&COUNTS, &VIEW, &settings, &bad).is_err());
 }

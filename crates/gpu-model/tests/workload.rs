@@ -5,12 +5,14 @@ use niwaki_core::{Builder, Bvh, BvhNode, Hit, Ray, TriangleMesh, glam::Vec3};
 use niwaki_gpu_model::{
     Workload,
     workload::{
-        BackgroundSampler, CountingKernel, LightSample, Pattern, SampledScene, Sampling, View,
+        Background, BackgroundSampler, CountingKernel, LightSample, Pattern, SampledScene,
+        Sampling, View,
     },
 };
 use niwaki_trace::{BinaryScene, Counts, Walk, WideScene};
 use std::sync::{
     Arc, Mutex,
+    atomic::{AtomicU32, Ordering},
     mpsc::{Receiver, SyncSender, sync_channel},
 };
 
@@ -246,6 +248,22 @@ struct Gate {
     leave: Mutex<Receiver<()>>,
 }
 
+/// A kernel that counts its rays.
+struct Counting<'a> {
+    scene: BinaryScene,
+    begun: &'a AtomicU32,
+}
+
+impl CountingKernel for Counting<'_> {
+    fn closest(&self, ray: &Ray) -> (Hit, Walk) {
+        self.begun.fetch_add(1, Ordering::Relaxed);
+        CountingKernel::closest(&self.scene, ray)
+    }
+    fn any(&self, ray: &Ray) -> (bool, Counts) {
+        CountingKernel::any(&self.scene, ray)
+    }
+}
+
 impl CountingKernel for Gate {
     fn closest(&self, ray: &Ray) -> (Hit, Walk) {
         let _ = self.begun.lock().unwrap().send(());
@@ -260,7 +278,7 @@ impl CountingKernel for Gate {
 fn wait_for(sampler: &BackgroundSampler, frame: u64) -> Workload {
     loop {
         if let Some(sampled) = sampler.newest().filter(|sampled| sampled.frame >= frame) {
-            return sampled.workload;
+            return sampled.answer;
         }
         assert!(sampler.is_running());
         std::thread::yield_now();
@@ -296,6 +314,8 @@ fn submitting_never_waits_and_the_newest_counts() {
     let scene = SampledScene { kernel: Arc::new(gate), mesh: Arc::new(mesh) };
     let sampling = Sampling { width: 2, height: 2, ao_rays: 0, ..Sampling::default() };
     let sampler = BackgroundSampler::spawn(scene, sampling).unwrap();
+    // Dropped before the sampler, which would else wait for leave when the test fails.
+    let let_go = let_go;
     sampler.submit(1, toward_wall());
     has_begun.recv().unwrap();
     // It is in the middle of the first ray, and stays there.
@@ -309,13 +329,42 @@ fn submitting_never_waits_and_the_newest_counts() {
     wait_for(&sampler, 99);
     // Two views were sampled, of four rays each: the first and the newest.
     assert_eq!(has_begun.try_iter().count(), 7);
-    // Dropped in the middle of a view, it ends after the row.
-    sampler.submit(100, toward_wall());
+}
+
+#[test]
+fn sampling_ends_after_a_row() {
+    let (mesh, scene) = wall();
+    let begun = AtomicU32::new(0);
+    let kernel = Counting { scene, begun: &begun };
+    let sampling = Sampling { width: 2, height: 8, ao_rays: 0, ..Sampling::default() };
+    let mut rows = 3;
+    let go_on = || {
+        rows -= 1;
+        rows >= 0
+    };
+    assert_eq!(sampling.sample_while(&kernel, &mesh, &toward_wall(), go_on), None);
+    assert_eq!(begun.load(Ordering::Relaxed), 3 * 2);
+}
+
+/// Dropped in the middle of an answer, it lets it know, and returns when it is over.
+#[test]
+fn dropping_tells_the_answer_under_way() {
+    let (begun, has_begun) = sync_channel(1);
+    let (ended, has_ended) = sync_channel(1);
+    let worker = Background::spawn("a test's", move |(): &(), go_on| {
+        begun.send(()).unwrap();
+        while go_on() {
+            std::thread::yield_now();
+        }
+        ended.send(()).unwrap();
+        None::<()>
+    })
+    .unwrap();
+    worker.submit(1, ());
     has_begun.recv().unwrap();
-    let_go.send(()).unwrap();
-    let_go.send(()).unwrap();
-    drop(sampler);
-    assert!(has_begun.try_iter().count() <= 1);
+    assert!(has_ended.try_recv().is_err());
+    drop(worker);
+    assert_eq!(has_ended.try_recv(), Ok(()));
 }
 
 struct Broken;
@@ -339,4 +388,27 @@ fn a_kernel_that_panics_ends_the_thread_alone() {
     }
     assert_eq!(sampler.newest(), None);
     sampler.submit(2, toward_wall());
+}
+
+/// Threads of a warp wait for the ray that takes longest: none do before a wall, and before half a wall
+/// half of them do.
+#[test]
+fn divergence_is_what_the_longest_ray_takes() {
+    let (mesh, scene) = wall();
+    let sampling = Sampling { pattern: Pattern::Regular, ..Sampling::default() };
+    let workload = sampling.sample(&scene, &mesh, &toward_wall());
+    assert_eq!((workload.primary_divergence, workload.secondary_divergence), (0.0, 0.0));
+    let (mesh, bvh) = city();
+    let scene = BinaryScene::new(&bvh, &mesh).unwrap();
+    let of = |region, pattern| {
+        let sampling = Sampling { region, pattern, width: 64, height: 36, ..Sampling::default() };
+        sampling.sample(&scene, &mesh, &view())
+    };
+    // A ray waits for itself alone.
+    let alone = of(1, Pattern::Regular);
+    assert_eq!((alone.primary_divergence, alone.secondary_divergence), (0.0, 0.0));
+    let (near, far) = (of(4, Pattern::Blocks), of(4, Pattern::Regular));
+    assert!(near.primary_divergence > 0.0 && near.secondary_divergence > near.primary_divergence);
+    // Pixels that lie further apart have less in common.
+    assert!(far.primary_divergence > near.primary_divergence, "{far:?} {near:?}");
 }

@@ -4,6 +4,7 @@
 use crate::{Kernel, settings::module};
 use niwaki_gpu_model::{
     Device, FrameModel, FramePrediction, KernelCounts, ModelError, RaySettings, Workload,
+    calibrate::Calibrated,
     counts::{self, CountError, Counted, Place},
 };
 use niwaki_shaders::{Options, ShaderError};
@@ -133,7 +134,8 @@ impl TracerModel {
         scale: f64,
     ) -> Result<FramePrediction, ModelError> {
         // Pixels without a surface have no directions.
-        let directions = settings.ao_rays * workload.visible_triangles;
+        let [_, waiting] = self.model.constants.waiting(workload);
+        let directions = settings.ao_rays * workload.visible_triangles * waiting;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -159,5 +161,20 @@ impl TracerModel {
         scale: f64,
     ) -> Result<f64, ModelError> {
         Ok(1e3 * self.predict(settings, workload, scale)?.seconds)
+    }
+}
+
+/// Fits to frames of full size.
+impl Calibrated for TracerModel {
+    fn frame_model(&self) -> &FrameModel {
+        &self.model
+    }
+
+    fn frame_model_mut(&mut self) -> &mut FrameModel {
+        &mut self.model
+    }
+
+    fn seconds(&self, workload: &Workload, settings: &RaySettings) -> Result<f64, ModelError> {
+        Ok(self.predict(settings, workload, 1.0)?.seconds)
     }
 }

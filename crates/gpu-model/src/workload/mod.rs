@@ -7,7 +7,7 @@ mod worker;
 
 pub use sampler::{CountingKernel, Pattern, Sampling};
 pub use view::{LightSample, View};
-pub use worker::{BackgroundSampler, Sampled, SampledScene};
+pub use worker::{Answered, Background, BackgroundSampler, Sampled, SampledScene};
 
 use crate::program::{ModelError, check};
 use serde::{Deserialize, Serialize};
@@ -37,6 +37,13 @@ pub struct Workload {
     pub shadow_intersections: f64,
     /// Shadow rays a pixel: visible points times the lights that they face. Not in the paper.
     pub shadow_rays: f64,
+    /// How much longer the primary ray of a region takes that takes longest than the mean one, at least
+    /// 0: threads of a warp wait for each other. Of adjacent pixels with [`Pattern::Blocks`]; others
+    /// find more. Not in the paper.
+    pub primary_divergence: f64,
+    /// The same of shadow and AO rays. Pixels without a visible point have none, and wait for those that
+    /// have. Not in the paper.
+    pub secondary_divergence: f64,
     /// Primary rays that were sampled.
     pub samples: u32,
 }
@@ -63,6 +70,8 @@ impl Workload {
             ("shadow_traversals", self.shadow_traversals),
             ("shadow_intersections", self.shadow_intersections),
             ("shadow_rays", self.shadow_rays),
+            ("primary_divergence", self.primary_divergence),
+            ("secondary_divergence", self.secondary_divergence),
         ] {
             check(field, value, 0.0, 1e9, "between 0 and 1e9")?;
         }

@@ -17,25 +17,26 @@ pub trait CountingKernel: Send + Sync {
 }
 
 macro_rules! counting {
-    ($scene:ty $(, const $width:ident)?) => {
-        impl$(<const $width: usize>)? CountingKernel for $scene {
+    ($scene:ty, $closest:ident, $any:ident) => {
+        impl CountingKernel for $scene {
             fn closest(&self, ray: &Ray) -> (Hit, Walk) {
-                self.closest_hit_walked(ray)
+                self.$closest(ray)
             }
             fn any(&self, ray: &Ray) -> (bool, Counts) {
-                self.any_hit_counted(ray)
+                self.$any(ray)
             }
         }
     };
 }
 
-counting!(BinaryScene);
-counting!(WideScene<4>);
-counting!(WideScene<8>);
-counting!(WideScene<16>);
-counting!(QuantisedScene<4>);
-counting!(QuantisedScene<8>);
-counting!(QuantisedScene<16>);
+counting!(BinaryScene, closest_hit_walked, any_hit_counted);
+// By the instructions that the processor has.
+counting!(WideScene<4>, closest_hit_traced, any_hit_traced);
+counting!(WideScene<8>, closest_hit_traced, any_hit_traced);
+counting!(WideScene<16>, closest_hit_traced, any_hit_traced);
+counting!(QuantisedScene<4>, closest_hit_traced, any_hit_traced);
+counting!(QuantisedScene<8>, closest_hit_traced, any_hit_traced);
+counting!(QuantisedScene<16>, closest_hit_traced, any_hit_traced);
 
 /// Where in the image the samples are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -102,8 +103,8 @@ impl Sampling {
         Self { width: 64, height: 36, ..Self::default() }
     }
 
-    /// Samples a view: `None` if `go_on` said no between two rows.
-    pub(super) fn sample_while<K: CountingKernel + ?Sized>(
+    /// Samples a view: `None` if `go_on` said no before a row of samples.
+    pub fn sample_while<K: CountingKernel + ?Sized>(
         &self,
         kernel: &K,
         mesh: &TriangleMesh,
@@ -114,8 +115,7 @@ impl Sampling {
         let region = self.region.max(1);
         let regions = [width.div_ceil(region), height.div_ceil(region)];
         let mut sums = Sums::default();
-        // Region and end of each ray.
-        let mut ends = Vec::with_capacity(width as usize * height as usize);
+        let mut samples = Vec::with_capacity(width as usize * height as usize);
         for row in 0..height {
             if !go_on() {
                 return None;
@@ -125,14 +125,20 @@ impl Sampling {
                 let (place, cell) = self.place([column, row], index, regions);
                 let (hit, walk) = kernel.closest(&view.ray(place.x, place.y));
                 sums.primary += walk.counts;
-                // A ray that visits nothing ends outside of the scene, like others that do.
-                ends.push((cell, walk.end.unwrap_or(u64::MAX)));
+                let before = sums.secondary();
                 if hit.is_hit() && (hit.prim_id as usize) < mesh.len() {
                     self.secondary(kernel, mesh, view, (place, index), &hit, &mut sums);
                 }
+                samples.push(Sample {
+                    cell,
+                    // A ray that visits nothing ends outside of the scene, like others that do.
+                    end: walk.end.unwrap_or(u64::MAX),
+                    work: [steps(&walk.counts), sums.secondary() - before],
+                });
             }
         }
-        Some(sums.workload(ends.len(), coalescing(&mut ends), self.ao_rays))
+        samples.sort_unstable_by_key(|sample| (sample.cell, sample.end));
+        Some(sums.workload(&samples, self.ao_rays))
     }
 
     /// Samples a view on the calling thread.
@@ -250,11 +256,31 @@ struct Sums {
     shadow_rays: u64,
 }
 
+/// A primary ray, and what it led to.
+struct Sample {
+    /// Its region.
+    cell: u64,
+    end: u64,
+    /// Steps and triangles of the ray, and of the others from where it ends.
+    work: [u64; 2],
+}
+
+const fn steps(counts: &Counts) -> u64 {
+    counts.nodes + counts.triangles
+}
+
 impl Sums {
-    fn workload(&self, samples: usize, coalescing: f64, ao_rays: u32) -> Workload {
+    const fn secondary(&self) -> u64 {
+        steps(&self.ao) + steps(&self.shadow)
+    }
+
+    /// Samples are in the order of regions and ends.
+    fn workload(&self, samples: &[Sample], ao_rays: u32) -> Workload {
         // Nothing over nothing is nothing.
         let per = |sum: u64, n: f64| if n > 0.0 { sum as f64 / n } else { 0.0 };
-        let pixels = samples as f64;
+        let pixels = samples.len() as f64;
+        let [primary_divergence, secondary_divergence] =
+            [0, 1].map(|kind| divergence(samples, kind));
         let rays = f64::from(ao_rays);
         Workload {
             primary_traversals: per(self.primary.nodes, pixels),
@@ -262,26 +288,38 @@ impl Sums {
             visible_triangles: per(self.hits, pixels),
             ao_traversals: per(self.ao.nodes, pixels * rays),
             ao_intersections: per(self.ao.triangles, self.hits as f64 * rays),
-            coalescing,
+            coalescing: coalescing(samples),
             shadow_traversals: per(self.shadow.nodes, pixels),
             shadow_intersections: per(self.shadow.triangles, pixels),
             shadow_rays: per(self.shadow_rays, pixels),
-            samples: u32::try_from(samples).unwrap_or(u32::MAX),
+            primary_divergence,
+            secondary_divergence,
+            samples: u32::try_from(samples.len()).unwrap_or(u32::MAX),
         }
     }
 }
 
 /// Of the rays of all regions but the first of each, those that end where another did before.
-fn coalescing(ends: &mut [(u64, u64)]) -> f64 {
-    ends.sort_unstable();
+fn coalescing(samples: &[Sample]) -> f64 {
     let [mut followers, mut shared] = [0_u64; 2];
-    for pair in ends.windows(2) {
-        if pair[0].0 == pair[1].0 {
+    for pair in samples.windows(2) {
+        if pair[0].cell == pair[1].cell {
             followers += 1;
-            shared += u64::from(pair[0].1 == pair[1].1);
+            shared += u64::from(pair[0].end == pair[1].end);
         }
     }
     if followers == 0 { 0.0 } else { shared as f64 / followers as f64 }
+}
+
+/// How much longer the longest ray of a region takes than the mean one, in all regions together.
+fn divergence(samples: &[Sample], kind: usize) -> f64 {
+    let [mut longest, mut all] = [0.0; 2];
+    for region in samples.chunk_by(|a, b| a.cell == b.cell) {
+        let work = || region.iter().map(|sample| sample.work[kind]);
+        longest += region.len() as f64 * work().max().unwrap_or_default() as f64;
+        all += work().sum::<u64>() as f64;
+    }
+    if all > 0.0 { longest / all - 1.0 } else { 0.0 }
 }
 
 /// A point of the R₂ sequence (Roberts 2018): multiples of the powers of the inverse plastic number.
