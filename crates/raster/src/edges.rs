@@ -74,9 +74,15 @@ impl Edges {
     /// negative. The CPU twin of the kernel.
     #[must_use]
     pub fn net(&self, edge: &Edge, facing: impl Fn(u32) -> i32) -> i32 {
+        let all = self.triangles_of(edge).iter();
+        all.map(|i| if i & 1 == 0 { facing(i >> 1) } else { -facing(i >> 1) }).sum()
+    }
+
+    /// The part of [`Edges::incidences`] that is an edge's; none for an edge of another mesh.
+    #[must_use]
+    pub fn triangles_of(&self, edge: &Edge) -> &[u32] {
         let range = edge.first as usize..(edge.first + edge.count) as usize;
-        let all = self.incidences.get(range).unwrap_or(&[]);
-        all.iter().map(|i| if i & 1 == 0 { facing(i >> 1) } else { -facing(i >> 1) }).sum()
+        self.incidences.get(range).unwrap_or(&[])
     }
 }
 

@@ -27,6 +27,7 @@
 //! | [`Animation`] | a camera path, logged for the analysis of power |
 //! | [`ExactShadows`], [`ShadowError`] | shadows by rays in double precision, and how far frames are from them |
 //! | [`Edges`] | edges of any mesh with their triangles, from which silhouettes are extracted |
+//! | [`Solids`] | closed parts of any mesh, which cast from one side only |
 //!
 //! The WGSL is in `niwaki-shaders`, folders `raster` and `frame`. There are no feature flags.
 
@@ -44,6 +45,7 @@ mod pipelines;
 mod renderer;
 mod report;
 mod settings;
+mod solids;
 pub mod study;
 mod targets;
 mod volumes;
@@ -52,10 +54,11 @@ pub use animation::Animation;
 pub use edges::{Edge, Edges};
 pub use exact::{Exact, ExactShadows, Judged, ShadowError};
 pub use light::SpotLight;
-pub use niwaki_gpu_frame::{FrameError, Gpu};
+pub use niwaki_gpu_frame::{DeviceKind, FrameError, Gpu};
 pub use picture::{Picture, Shares};
 pub use renderer::Renderer;
 pub use report::{FrameReport, Pass, PassReport};
 pub use settings::{
     Algorithm, Bias, Filter, Settings, UnknownAlgorithm, Variance, shadow_resolution,
 };
+pub use solids::Solids;

@@ -98,7 +98,8 @@ impl Renderer {
         gpu.check()?;
         let surfaces = Surfaces::new(gpu, &scene, &Surfaces::vertices_of(&scene))?;
         // Nothing is a mirror here: all of metals' and coats' reflection is highlight.
-        surfaces.write_materials(gpu, &scene, &SceneFacts::new(&scene, 0.0), 1.0, false);
+        let facts = SceneFacts::new(&scene, 0.0);
+        surfaces.write_materials(gpu, &scene, &facts, |_, m| m.thickness, false);
         let frame = gpu.buffer("frame", size_of::<FrameUniform>() as u64, BufferUsages::UNIFORM)?;
         let group = surfaces.group(gpu, &frame);
         let bounds = scene.mesh.bounds();
@@ -263,6 +264,10 @@ impl Renderer {
             Vec::new()
         } else {
             self.make_room(size, show)?;
+            let sv = self.settings.algorithm == Algorithm::ShadowVolumes && self.settings.one_sided;
+            if let (true, Some(volumes)) = (sv, &mut self.volumes) {
+                volumes.place(&self.scene, camera.position, &self.lights);
+            }
             let frame = self.frame(camera, size, show)?;
             self.record(&frame)?
         };

@@ -182,6 +182,11 @@ pub struct Settings {
     pub bias: Bias,
     /// Settings of variance shadow maps.
     pub variance: Variance,
+    /// Whether closed parts of the scene cast shadow volumes from one side only ([`Solids`]). The
+    /// shadows are the same; without it every triangle casts, which takes twice the caps and walls.
+    ///
+    /// [`Solids`]: crate::Solids
+    pub one_sided: bool,
     /// What radiance is multiplied by for the display.
     pub exposure: f32,
     /// The share of the environment's light that arrives everywhere.
@@ -198,6 +203,7 @@ impl Settings {
             filter: Filter::Closer(1),
             bias: Bias::default(),
             variance: Variance::default(),
+            one_sided: true,
             exposure: 1.0,
             ambient: 0.15,
         }

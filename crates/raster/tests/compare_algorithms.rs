@@ -3,7 +3,7 @@
 mod common;
 
 use common::{RADIUS, SIZE, error, gpu, settings};
-use niwaki_raster::{Algorithm, Renderer, study};
+use niwaki_raster::{Algorithm, Renderer, Settings, study};
 
 #[test]
 fn forward_prepass_and_deferred_give_one_picture() {
@@ -47,6 +47,36 @@ fn shadow_volumes_are_exact_but_for_silhouettes() {
                 "{}: {error:?}",
                 study.scene.name
             );
+        }
+    }
+}
+
+/// Closed parts cast from one side only: the shadows are the same, from fewer caps and walls.
+#[test]
+fn shadow_volumes_from_one_side_are_those_from_both() {
+    let Some(gpu) = gpu() else { return };
+    for study in [study::atrium(6_000, 1), study::tessellated(6_000, 1)] {
+        let one = settings(Algorithm::ShadowVolumes);
+        let both = Settings { one_sided: false, ..one.clone() };
+        let lights = study.shadow_lights(2);
+        let mut renderer = Renderer::new(&gpu, study.scene.clone(), lights, one.clone()).unwrap();
+        for share in [0.3, 0.8] {
+            let camera = study.path.at(share);
+            let mut differ = 0;
+            for light in 0..2 {
+                let [a, b] = [&one, &both].map(|settings| {
+                    renderer.set_settings(settings.clone());
+                    let (shares, _) = renderer.shares(&camera, SIZE[0], SIZE[1], light).unwrap();
+                    (shares, renderer.volume_counts().unwrap().unwrap())
+                });
+                let [fronts, backs, walls] = a.1;
+                let all = b.1;
+                assert!(fronts + backs < all[0] + all[1] && walls < all[2], "{:?} {all:?}", a.1);
+                differ += a.0.share.iter().zip(&b.0.share).filter(|(a, b)| a != b).count();
+            }
+            // What differs can only be along silhouettes; all else agrees with rays both ways.
+            println!("{} {share}: {differ} pixels differ", study.scene.name);
+            assert!(differ <= 20, "{}: {differ} pixels differ", study.scene.name);
         }
     }
 }

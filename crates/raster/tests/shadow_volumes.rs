@@ -5,7 +5,7 @@ mod common;
 
 use common::{SIZE, gpu, ground, scene, settings, square, volumes};
 use niwaki_core::glam::Vec3;
-use niwaki_raster::{Algorithm, Renderer, SpotLight};
+use niwaki_raster::{Algorithm, Renderer, Settings, SpotLight};
 use niwaki_scene::Camera;
 
 fn camera(eye: Vec3, target: Vec3) -> Camera {
@@ -188,6 +188,77 @@ fn scale_and_place_of_a_scene_do_not_matter() {
     }
 }
 
+/// A tube around a closed curve, wound outward; `wild` curves cross themselves and have tighter turns
+/// than the tube is wide, which turns parts of it inside out.
+fn tube(positions: &mut Vec<Vec3>, indices: &mut Vec<[u32; 3]>, at: Vec3, radius: f32, wild: f32) {
+    const AROUND: u32 = 28;
+    const SIDES: u32 = 10;
+    let first = u32::try_from(positions.len()).unwrap();
+    let turn = |i: u32, n: u32| std::f32::consts::TAU * (i % n) as f32 / n as f32;
+    for i in 0..AROUND {
+        let (sin, cos) = turn(i, AROUND).sin_cos();
+        let (sin2, cos2) = (2.0 * turn(i, AROUND)).sin_cos();
+        let middle = Vec3::new(cos + 0.6 * wild * cos2, 0.3 * wild * sin2, sin - 0.6 * wild * sin2);
+        let out = Vec3::new(cos, 0.0, sin);
+        for k in 0..SIDES {
+            let (s, c) = turn(k, SIDES).sin_cos();
+            positions.push(at + middle + (out * c + Vec3::Y * s) * radius);
+        }
+    }
+    for i in 0..AROUND {
+        for k in 0..SIDES {
+            let v = |i: u32, k: u32| first + i % AROUND * SIDES + k % SIDES;
+            let quad = [v(i, k), v(i, k + 1), v(i + 1, k + 1), v(i + 1, k)];
+            indices.extend([[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]);
+        }
+    }
+}
+
+/// Closed meshes cast from one side. Which one follows from where the eye and the light are: outside,
+/// within, wound either way, crossing themselves, one in the other.
+#[test]
+fn closed_meshes_cast_from_one_side_wherever_eye_and_light_are() {
+    let at = Vec3::new(0.0, 1.3, 0.0);
+    let out = Vec3::new(1.4, 4.6, 0.8);
+    let eye = Vec3::new(3.1, 4.3, 6.2);
+    for (radius, wild) in [(0.45, 0.0), (0.5, 1.0)] {
+        // In the tube where it begins, and a bit along it.
+        let middle = at + Vec3::X * (1.0 + 0.6 * wild);
+        let [within, below] = [Vec3::new(0.0, 0.15, 0.05), Vec3::new(0.1, -0.05, -0.1)];
+        let [within, below] = [middle + within, middle + below];
+        let along = middle + Vec3::new(-0.2, 0.6 * wild, 1.0 - 1.2 * wild);
+        let ground = Vec3::new(0.1, 0.0, 0.05);
+        for turned in [false, true] {
+            for (what, eye, target, [lamp_at, aim]) in [
+                ("outside", eye, at, [out, ground]),
+                ("light within", eye, at, [within, ground]),
+                ("eye within", below, along, [out, ground]),
+                ("both within", below, along, [within, along]),
+            ] {
+                let (mut positions, mut indices) = common::ground();
+                let from = indices.len();
+                tube(&mut positions, &mut indices, at, radius, wild);
+                // A smaller one within, wound the other way.
+                let inner = indices.len();
+                tube(&mut positions, &mut indices, at, 0.2 * radius, wild);
+                indices[inner..].iter_mut().for_each(|t| t.swap(1, 2));
+                if turned {
+                    indices[from..].iter_mut().for_each(|t| t.swap(1, 2));
+                }
+                let scene = scene(positions, indices);
+                let light = SpotLight::aimed(lamp_at, aim, 1.0, 30.0, Vec3::splat(9.0));
+                let Some((error, counts)) = volumes(&scene, &[light], &camera(eye, target)) else {
+                    return;
+                };
+                let what = format!("{what}, radius {radius}, turned: {turned}");
+                println!("{what}: {error:?}, {counts:?}");
+                assert!(error.reached > 300, "{what}: {error:?}");
+                assert_eq!(error.wrong_elsewhere + error.wrong_averted, 0, "{what}: {error:?}");
+            }
+        }
+    }
+}
+
 /// The stencil counts to 255 and wraps: 300 volumes are still told from none. (256 are not.)
 #[test]
 fn hundreds_of_layers_are_counted() {
@@ -198,8 +269,8 @@ fn hundreds_of_layers_are_counted() {
     check("layers", (positions, indices), lamp(Vec3::new(1.0, 5.0, 0.7)), &overview());
 }
 
-/// Extraction on the GPU counts what it should: a closed box has six walls along its outline, each
-/// drawn twice, and every triangle faces the light or turns its back.
+/// Extraction on the GPU counts what it should: a closed box casts from the six triangles that face
+/// the light, with a wall at each of the six edges of its outline. From both sides it casts twice.
 #[test]
 fn a_box_has_the_walls_of_its_outline() {
     let Some(gpu) = gpu() else { return };
@@ -218,6 +289,10 @@ fn a_box_has_the_walls_of_its_outline() {
             .unwrap();
     renderer.draw(&overview(), SIZE[0], SIZE[1]).unwrap();
     // From over a corner three sides are seen, and the outline has six edges.
+    assert_eq!(renderer.volume_counts().unwrap(), Some([6, 0, 6]));
+    let both = Settings { one_sided: false, ..renderer.settings().clone() };
+    renderer.set_settings(both);
+    renderer.draw(&overview(), SIZE[0], SIZE[1]).unwrap();
     assert_eq!(renderer.volume_counts().unwrap(), Some([6, 6, 12]));
     // A light that points away reaches nothing.
     let away = SpotLight { direction: -light.direction, ..light };

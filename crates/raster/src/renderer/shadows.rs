@@ -158,10 +158,16 @@ impl Renderer {
             edges: volumes.edges,
             pad: [0; 2],
         };
-        let bound =
-            volumes.bind(gpu, &self.pipelines, &self.surfaces, &frame.view_buffer, &caster)?;
+        let bound = volumes.bind(
+            gpu,
+            &self.pipelines,
+            &self.surfaces,
+            &frame.view_buffer,
+            &caster,
+            self.settings.one_sided.then_some(light as usize),
+        )?;
         recorder.stage(Pass::Silhouettes(light), |encoder| {
-            volumes.reset(encoder);
+            volumes.reset(encoder, &bound);
             for (kernel, items) in [(&classify, volumes.triangles), (&silhouettes, volumes.edges)] {
                 let mut pass = encoder.begin_compute_pass(&Default::default());
                 pass.set_pipeline(kernel);
