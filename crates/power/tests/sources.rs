@@ -131,6 +131,23 @@ impl TraceReader for Slow {
     }
 }
 
+/// The log of frames of a million pixels, back to back.
+fn frames_of(count: u64, first_ns: i64, length_ns: i64) -> FrameLog {
+    let frames = (0..count).map(|frame| FrameRecord {
+        frame,
+        start_ns: first_ns + length_ns * frame as i64,
+        end_ns: first_ns + length_ns * (frame as i64 + 1),
+        algorithm: "FR".into(),
+        width: 1000,
+        height: 1000,
+        ..FrameRecord::default()
+    });
+    FrameLog {
+        header: FrameLogHeader { clock: Clock::Monotonic, ..FrameLogHeader::default() },
+        frames: frames.collect(),
+    }
+}
+
 #[test]
 fn a_slow_sensor_is_named_and_measured_in_windows() {
     let info = TraceInfo {
@@ -144,19 +161,7 @@ fn a_slow_sensor_is_named_and_measured_in_windows() {
         ..TraceInfo::default()
     };
     // 16 ms a frame, back to back, from 1 s to 9 s.
-    let frames = (0..500).map(|frame| FrameRecord {
-        frame,
-        start_ns: START + 1_000_000_000 + 16_000_000 * frame as i64,
-        end_ns: START + 1_000_000_000 + 16_000_000 * frame as i64 + 16_000_000,
-        algorithm: "FR".into(),
-        width: 1000,
-        height: 1000,
-        ..FrameRecord::default()
-    });
-    let log = FrameLog {
-        header: FrameLogHeader { clock: Clock::Monotonic, ..FrameLogHeader::default() },
-        frames: frames.collect(),
-    };
+    let log = frames_of(500, START + 1_000_000_000, 16_000_000);
     let open = || Ok(Box::new(Slow { info: info.clone(), row: 0 }) as Box<dyn TraceReader>);
     let analysis = analyze(open, Some(&log), &AnalysisOptions::default()).unwrap();
     assert_eq!(analysis.clock.unwrap().method, SyncMethod::SharedClock);
@@ -170,4 +175,54 @@ fn a_slow_sensor_is_named_and_measured_in_windows() {
     assert_eq!(group.frames, 500);
     let error = group.energy.mean_nj_per_pixel / 4000.0 - 1.0;
     assert!(error.abs() < 0.01, "{error} {group:?}");
+}
+
+/// A meter of a steady 80 W whose single readings, one every 2 ms, are off by up to 70 W.
+struct Noisy {
+    info: TraceInfo,
+    row: i64,
+}
+
+impl TraceReader for Noisy {
+    fn info(&self) -> &TraceInfo {
+        &self.info
+    }
+
+    fn next_block(&mut self) -> Result<Option<Block>, PowerError> {
+        let mut block = Block::with_columns(1);
+        while self.row < 1_200 && block.len() < 500 {
+            // Some digits of a multiplicative hash.
+            let row = u32::try_from(self.row).unwrap();
+            let hash = row.wrapping_mul(2_654_435_761) >> 16;
+            block.times_ns.push(START + self.row * 2_000_000);
+            block.channels[0].push(80.0 + 140.0 * (f64::from(hash) / 65_536.0 - 0.5));
+            self.row += 1;
+        }
+        Ok(if block.is_empty() { None } else { Some(block) })
+    }
+}
+
+/// Frames of 20 ms, back to back, from 0.2 s on.
+fn course(frames: u64) -> Vec<Vec<f64>> {
+    let info = TraceInfo {
+        columns: vec![Column::new("gpu0_w", Unit::Watts)],
+        clock: Clock::Monotonic,
+        ..TraceInfo::default()
+    };
+    let log = frames_of(frames, START + 200_000_000, 20_000_000);
+    let open = || Ok(Box::new(Noisy { info: info.clone(), row: 0 }) as Box<dyn TraceReader>);
+    let analysis = analyze(open, Some(&log), &AnalysisOptions::default()).unwrap();
+    assert_eq!(analysis.segmentation, Segmentation::Log);
+    analysis.signatures.into_iter().map(|s| s.mean_w).collect()
+}
+
+#[test]
+fn the_course_within_a_frame_has_no_more_parts_than_readings_tell() {
+    // Ten readings a frame: eight parts, of 125 readings each.
+    let many = course(100);
+    assert_eq!(many.len(), 1);
+    assert_eq!(many[0].len(), 8);
+    assert!(many[0].iter().all(|w| (w - 80.0).abs() < 25.0), "{many:?}");
+    // Ten readings a frame in five frames: too few to say what is noise.
+    assert!(course(5).is_empty());
 }

@@ -132,7 +132,13 @@ pub fn analyze(
         spans = spans.in_windows(window_ns(&sensor));
     }
 
-    let mut second = Second::new(&spans, &survey, quality.period_ns, frame_ns, options)?;
+    let mut second = Second::new(
+        &spans,
+        &survey,
+        [quality.period_ns, 1e9 * sensor.refresh_s],
+        frame_ns,
+        options,
+    )?;
     if let Some(blocks) = kept {
         // Blocks go as they are used, so that their memory does too.
         for block in blocks {
@@ -243,7 +249,7 @@ impl<'a> Second<'a> {
     fn new(
         spans: &'a Spans,
         survey: &Survey,
-        period_ns: f64,
+        [period_ns, refresh_ns]: [f64; 2],
         frame_ns: Option<f64>,
         options: &AnalysisOptions,
     ) -> Result<Self, PowerError> {
@@ -275,7 +281,7 @@ impl<'a> Second<'a> {
         Ok(Self {
             meter: Meter::new(spans),
             gaps: GapFinder::new(spans, survey.levels.idle_limit_w(), least_gap),
-            signatures: is_by_frame.then(|| Signatures::new(spans)),
+            signatures: is_by_frame.then(|| Signatures::new(spans, refresh_ns)),
             singles,
             delays,
             decimator: Decimator::new(factor)?,

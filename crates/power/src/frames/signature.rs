@@ -4,8 +4,12 @@ use super::spans::Spans;
 use crate::PowerBlock;
 use serde::Serialize;
 
-/// Parts of a frame.
+/// Most parts of a frame, a power of two.
 const PARTS: usize = 256;
+/// Fewest parts that tell anything of a frame.
+const LEAST_PARTS: usize = 4;
+/// New readings that a part needs on average: the power of a single one is as noisy as its clock.
+const LEAST_READINGS: f64 = 16.0;
 /// Samples of one waveform that are kept.
 const MAX_SAMPLES: usize = 1 << 17;
 
@@ -17,7 +21,10 @@ const MAX_SAMPLES: usize = 1 << 17;
 pub struct Signature {
     /// Which of [`crate::Analysis::groups`].
     pub group: usize,
-    /// Mean power in each of 256 equal parts of a frame's time, in watts; NaN where no sample fell.
+    /// Mean power in each of 4 to 256 equal parts of a frame's time, in watts; NaN where no sample fell.
+    /// As many parts, a power of two, as the sensor can tell apart: none is shorter than the time between
+    /// new readings, and each had 16 of them or more over all frames. Sensors too slow, or frames too
+    /// few, for four parts give no signature.
     pub mean_w: Vec<f64>,
     /// Standard deviation over samples in each part.
     pub deviation_w: Vec<f64>,
@@ -52,11 +59,13 @@ pub(crate) struct Signatures<'a> {
     sums: Vec<Vec<(f64, f64, u32)>>,
     /// Mean share of work of each group.
     busy: Vec<f64>,
+    /// Time between new readings.
+    refresh_ns: f64,
     at: usize,
 }
 
 impl<'a> Signatures<'a> {
-    pub(crate) fn new(spans: &'a Spans) -> Self {
+    pub(crate) fn new(spans: &'a Spans, refresh_ns: f64) -> Self {
         let share = |group: usize| {
             let (mut sum, mut n) = (0.0, 0.0f64);
             for span in spans.list.iter().filter(|s| s.group == group) {
@@ -70,6 +79,7 @@ impl<'a> Signatures<'a> {
             spans,
             sums: vec![vec![(0.0, 0.0, 0); PARTS]; groups],
             busy: (0..groups).map(share).collect(),
+            refresh_ns,
             at: 0,
         }
     }
@@ -116,22 +126,44 @@ impl<'a> Signatures<'a> {
             let members = || self.spans.list.iter().filter(|s| s.group == group);
             let frames = members().count();
             let n = frames.max(1) as f64;
+            let length = members().map(|s| s.end - s.start).sum::<f64>() / n;
+            let parts = told_apart(length / self.refresh_ns.max(1.0), n)?;
+            let sums: Vec<_> = sums
+                .chunks(PARTS / parts)
+                .map(|some| {
+                    some.iter().fold((0.0, 0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2))
+                })
+                .collect();
             let means = sums.iter().map(|(sum, _, n)| sum / f64::from(*n));
             let spread = |(sum, squares, count): &(f64, f64, u32)| {
                 let n = f64::from(*count);
                 ((squares - sum * sum / n) / (n - 1.0)).max(0.0).sqrt()
             };
-            Signature {
+            Some(Signature {
                 group,
                 mean_w: means.collect(),
                 deviation_w: sums.iter().map(spread).collect(),
                 busy_share: self.busy[group],
-                frame_s: members().map(|s| 1e-9 * (s.end - s.start)).sum::<f64>() / n,
+                frame_s: 1e-9 * length,
                 frames,
-            }
+            })
         };
-        self.sums.iter().enumerate().map(of).filter(|s| s.frames > 0).collect()
+        self.sums.iter().enumerate().filter_map(of).filter(|s| s.frames > 0).collect()
     }
+}
+
+/// Into how many parts, a power of two, a frame can be divided where the sensor has so many new readings a frame;
+/// `None` if into too few to tell anything.
+fn told_apart(readings: f64, frames: f64) -> Option<usize> {
+    let most = readings.min(readings * frames / LEAST_READINGS);
+    let mut parts = PARTS;
+    while parts as f64 > most {
+        parts /= 2;
+        if parts < LEAST_PARTS {
+            return None;
+        }
+    }
+    Some(parts)
 }
 
 /// Keeps samples of chosen stretches.
