@@ -89,6 +89,9 @@ if [ "$setup" = 1 ]; then
   cargo xtask accuracy --suite shadows --quick --out out/ci-accuracy-shadows
   # Shadow volumes are exact but for silhouettes.
   grep -q '^SV,,,,[^,]*,[^,]*,[^,]*,0,' out/ci-accuracy-shadows/csv/shadows-tessellated.csv
+  step "accuracy of the model, small"
+  cargo xtask accuracy --suite model --quick --out out/ci-accuracy-model
+  test -s out/ci-accuracy-model/csv/model-sampling-fairy.csv
 fi
 
 # Needs a Vulkan device too.
@@ -108,10 +111,16 @@ cargo xtask tune --quick --device geforce-580 --scene fairy:5000 --turn --out ou
 if [ "$setup" = 1 ]; then
   cargo xtask tune --quick --scene fairy:5000 --frames 6 --rank 1 --out out/ci-tune
   test -s out/ci-tune/device.toml
+  cargo xtask tune --quick --renderer hybrid --scene gallery:3000 --frames 4 --rank 0 --controller both \
+    --out out/ci-tune-hybrid
 fi
 
 step "power, from known truth"
 cargo xtask power demo --frames 64 --out out/ci-power
+if [ "$setup" = 1 ]; then
+  step "power, the study without a meter"
+  cargo xtask power study --quick --source none --out out/ci-power-study
+fi
 
 step "report, merged"
 cargo xtask report out/ci-bench/results.json out/ci-thesis/results.json --out out/ci-report

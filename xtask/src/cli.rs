@@ -4,6 +4,7 @@ use crate::bench::Shard;
 use crate::gpu::GpuArgs;
 use crate::kernel::Collapse;
 use crate::power::PowerArgs;
+use crate::power::source::PowerSource;
 use crate::render::{RenderArgs, Size};
 use crate::stability::{StabilityArgs, StabilityOptions};
 use crate::thesis::ThesisArgs;
@@ -32,7 +33,7 @@ pub(crate) enum Command {
     Gpu(Box<GpuArgs>),
     /// Merge results files into one report.
     Report(ReportArgs),
-    /// Measure what frames cost in joules: analyse power traces, record them, or show how it is done.
+    /// Measure what frames cost in joules: six algorithms on this device, recordings, traces of meters.
     Power(Box<PowerArgs>),
     /// Draw pictures of a scene: by the hybrid renderer on the GPU, or references on the CPU.
     Render(Box<RenderArgs>),
@@ -224,7 +225,15 @@ Examples:
 
   cargo xtask accuracy --suite shadows
       Shadow volumes, shadow maps and variance shadow maps: error of shadows against exact ones by
-      rays, over map resolution, filter and bias, and the time of the frame on the GPU.
+      rays, over map resolution, filter and bias, and the time of the frame on the GPU; where the
+      device has a meter (--source), also energy per pixel along the camera path.
+
+  cargo xtask accuracy --suite model
+      Frames that keep their time: how coarsely views can be sampled before predictions of their times
+      suffer, against processor time; and what directions of ambient occlusion, their radius and shadow
+      rays are worth, against the time of the frame.
+  cargo xtask accuracy --suite model --device geforce-580 --families sampling --scene model.glb
+      Your own scene on a simulated device, sampling alone.
 
 Output (in --out): accuracy.json, accuracy.html and csv/*.csv; of renderers also
 pictures/*.png, the worst artifact of each scene with the setting that removes it. In the suite of builders a point is a tree: build time up to
@@ -246,6 +255,9 @@ pub(crate) enum Suite {
     /// Shadow volumes, shadow maps and variance shadow maps over resolution, filter and bias: time
     /// of frames against error of shadows. Needs a Vulkan device.
     Shadows,
+    /// The ray tracer that keeps its frame time: sampling of views against error of predictions, and rays of
+    /// ambient occlusion and shadow against error of pictures. Needs a Vulkan device, or simulates one.
+    Model,
 }
 
 /// Arguments of `cargo xtask accuracy`.
@@ -258,7 +270,8 @@ pub(crate) struct AccuracyArgs {
 
     /// A file, or the name of a procedural scene with an optional number of triangles (city:200k);
     /// may be repeated [default: dragon, atrium and foliage; for hybrid chess, gallery, atrium,
-    /// courtyard and one_mirror; for shadows serpents and tessellated]
+    /// courtyard and one_mirror; for shadows serpents and tessellated; for model fairy, cabin and
+    /// atrium]
     #[arg(long = "scene", value_name = "FILE|NAME[:TRIANGLES]")]
     pub(crate) scenes: Vec<String>,
 
@@ -271,17 +284,29 @@ pub(crate) struct AccuracyArgs {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) families: Vec<String>,
 
-    /// Width and height of pictures, for hybrid and shadows [default: 320x180, with --quick 96x54]
+    /// Width and height of pictures, for hybrid, shadows and model [default: 320x180, with --quick
+    /// 96x54, for model 64x36]
     #[arg(long, value_name = "WIDTHxHEIGHT")]
     pub(crate) size: Option<Size>,
 
-    /// Frames that are compared, spread over the camera path, for hybrid and shadows [default: 3, with --quick 1]
+    /// Frames that are compared, spread over the camera path, for hybrid, shadows and model [default: 3,
+    /// with --quick 1]
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub(crate) frames: Option<u32>,
+
+    /// The device of the suite model: vulkan, or a simulated one [default: vulkan]
+    #[arg(long, value_name = "NAME",
+          value_parser = ["vulkan", "geforce-8800", "geforce-580", "radeon-5870"])]
+    pub(crate) device: Option<String>,
 
     /// Number of threads [default: all that this process may use, for kernels 1]
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
+
+    /// The meter by which energy per pixel is measured, for shadows: auto (that of the device that
+    /// renders, if there is one), none, rapl (rapl:FOLDER) or nvml (nvml:NUMBER)
+    #[arg(long, value_name = "SOURCE", default_value = "auto")]
+    pub(crate) source: PowerSource,
 
     /// Shorter measurements (0.1 s instead of 0.5 s), fewer rays, smaller procedural scenes; of knobs
     /// of the hybrid renderer only the ends, on one small scene

@@ -40,6 +40,53 @@ pub(crate) fn available_memory() -> Option<usize> {
     kib.checked_mul(1024)
 }
 
+/// Time that processors have spent since the system started, in its ticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Busy {
+    /// Of all processors together: any, and idle.
+    total: u64,
+    idle: u64,
+    /// Of this process.
+    own: u64,
+    processors: usize,
+}
+
+impl Busy {
+    /// Until now; none where the system does not tell.
+    pub(crate) fn now() -> Option<Self> {
+        let all = std::fs::read_to_string("/proc/stat").ok()?;
+        let own = std::fs::read_to_string("/proc/self/stat").ok()?;
+        Self::parse(&all, &own)
+    }
+
+    fn parse(all: &str, own: &str) -> Option<Self> {
+        let numbers = |line: &str| -> Option<Vec<u64>> {
+            line.split_whitespace().map(|x| x.parse().ok()).collect()
+        };
+        // Guests are counted in user time already.
+        let sums = numbers(all.lines().next()?.strip_prefix("cpu ")?)?;
+        let sums = sums.get(..8)?;
+        let is_processor = |line: &&str| line.starts_with("cpu") && !line.starts_with("cpu ");
+        // Names of programs may hold spaces and parentheses.
+        let (_, fields) = own.rsplit_once(')')?;
+        let fields: Vec<_> = fields.split_whitespace().collect();
+        let time = |at: usize| fields.get(at)?.parse::<u64>().ok();
+        Some(Self {
+            total: sums.iter().sum(),
+            idle: sums[3] + sums[4],
+            own: time(11)? + time(12)?,
+            processors: all.lines().filter(is_processor).count(),
+        })
+    }
+
+    /// How many processors others kept busy between this and a later time.
+    pub(crate) fn others_until(&self, later: &Self) -> Option<f64> {
+        let total = later.total.checked_sub(self.total).filter(|ticks| *ticks > 0)?;
+        let idle = later.idle.saturating_sub(self.idle) + later.own.saturating_sub(self.own);
+        Some(total.saturating_sub(idle) as f64 / total as f64 * self.processors as f64)
+    }
+}
+
 fn cpu_name() -> String {
     let from_proc = || {
         let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
@@ -124,6 +171,19 @@ mod tests {
         assert_eq!(at(951_782_400), "2000-02-29T00:00:00Z");
         assert_eq!(at(1_234_567_890), "2009-02-13T23:31:30Z");
         assert_eq!(at(4_102_444_799), "2099-12-31T23:59:59Z");
+    }
+
+    #[test]
+    fn work_of_others_is_what_is_neither_idle_nor_own() {
+        let at = |user: u64, idle: u64, own: u64| {
+            let all = format!("cpu  {user} 0 0 {idle} 0 0 0 0 0 0\ncpu0 1\ncpu1 1\nintr 5\n");
+            Busy::parse(&all, &format!("7 (a b) c) S 1 1 1 0 -1 0 0 0 0 0 {own} 2 0 0")).unwrap()
+        };
+        // Of 200 ticks on two processors 60 were idle and 40 our own.
+        let others = at(100, 50, 10).others_until(&at(240, 110, 50)).unwrap();
+        assert!((others - 1.0).abs() < 1e-12, "{others}");
+        assert_eq!(at(1, 1, 1).others_until(&at(1, 1, 1)), None);
+        assert_eq!(Busy::parse("cpu", ""), None);
     }
 
     #[test]

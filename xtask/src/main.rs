@@ -15,6 +15,8 @@ mod report;
 mod results;
 mod scenes;
 mod stability;
+#[cfg(test)]
+mod testing;
 mod thesis;
 mod trace;
 mod tune;

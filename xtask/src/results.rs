@@ -256,6 +256,17 @@ const fn one() -> usize {
     1
 }
 
+/// Writes a file of JSON as a whole or not at all, so that an interrupt leaves the last one.
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let context = || format!("cannot write {}", path.display());
+    let mut json = serde_json::to_string_pretty(value)?;
+    json.push('\n');
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".part");
+    std::fs::write(&temporary, json).with_context(context)?;
+    std::fs::rename(&temporary, path).with_context(context)
+}
+
 /// `x` unless it is NaN or infinite, which JSON has no words for.
 pub(crate) fn finite(x: f64) -> Option<f64> {
     x.is_finite().then_some(x)
@@ -302,7 +313,7 @@ impl Results {
         Ok(results)
     }
 
-    /// Writes the file as a whole or not at all, so that an interrupt leaves the last one.
+    /// Writes the file and its folder, with pictures relative to it.
     pub(crate) fn write(&self, path: &Path) -> Result<()> {
         let context = || format!("cannot write results to {}", path.display());
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -311,12 +322,7 @@ impl Results {
         }
         let mut relative = self.clone();
         relative.map_pictures(|picture| relative_to(folder, picture));
-        let mut json = serde_json::to_string_pretty(&relative)?;
-        json.push('\n');
-        let mut temporary = path.as_os_str().to_owned();
-        temporary.push(".part");
-        std::fs::write(&temporary, json).with_context(context)?;
-        std::fs::rename(&temporary, path).with_context(context)
+        write_json(path, &relative)
     }
 
     /// Puts the results of several files together, in the order given.

@@ -1,8 +1,10 @@
 //! `cargo xtask accuracy`: what quality costs in time.
 
 mod analysis;
+mod crops;
 mod hybrid;
 mod kernels;
+mod model;
 mod page;
 mod scatter;
 mod shadows;
@@ -13,6 +15,7 @@ use crate::bench::progress::Progress;
 use crate::bench::{Failures, Group, Method, find_peers, pool, rays, traces};
 use crate::cli::{AccuracyArgs, Suite};
 use crate::machine;
+use crate::power::source::PowerSource;
 use crate::results::{Failure, Results, Row, Run, SceneInfo, Source, finite};
 use crate::scenes::SceneSpec;
 use analysis::{Point, Study};
@@ -30,13 +33,24 @@ const LCV_RAYS: usize = 20_000;
 
 /// Runs the command.
 pub(crate) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
+    if args.device.is_some() && args.suite != Suite::Model {
+        bail!(
+            "--device is of the suite model; the others draw on the Vulkan device, or not at all"
+        );
+    }
+    if args.source != PowerSource::Auto && args.suite != Suite::Shadows {
+        bail!("--source is of the suite shadows, which measures energy");
+    }
     match args.suite {
         Suite::Hybrid => return hybrid::run(args),
         Suite::Shadows => return shadows::run(args),
+        Suite::Model => return model::run(args),
         Suite::Builders | Suite::Kernels => {}
     }
     if args.size.is_some() || args.frames.is_some() {
-        bail!("--size and --frames are of the suites hybrid and shadows, which draw pictures");
+        bail!(
+            "--size and --frames are of the suites hybrid, shadows and model, which draw pictures"
+        );
     }
     match args.suite {
         Suite::Kernels => kernels::run(args),
@@ -203,9 +217,7 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
     }
     let json = args.out.join("accuracy.json");
     let page = page::write(study, &args.out)?;
-    let mut text = serde_json::to_string_pretty(study)?;
-    text.push('\n');
-    std::fs::write(&json, text).with_context(|| format!("cannot write {}", json.display()))?;
+    crate::results::write_json(&json, study)?;
     for failure in &study.failures {
         eprintln!("failed: {}: {}", failure.scene, failure.error);
     }

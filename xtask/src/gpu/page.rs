@@ -6,7 +6,7 @@ use super::tables::{all, once, rate, raw};
 use crate::report::page::{self, FOOT, add_table, csv_link, figure, head, run_header};
 use crate::report::table::escape;
 use crate::report::write_page;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -75,9 +75,7 @@ pub(super) fn save(study: &Study, out: &Path) -> Result<()> {
     html.push_str(FOOT);
     write_page(&html, files, out, "gpu.html")?;
     let path = out.join("gpu.json");
-    let mut json = serde_json::to_string_pretty(study)?;
-    json.push('\n');
-    std::fs::write(&path, json).with_context(|| format!("cannot write {}", path.display()))
+    crate::results::write_json(&path, study)
 }
 
 /// The scene that a table is about.

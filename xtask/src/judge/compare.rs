@@ -2,7 +2,7 @@
 
 use super::tally::{Tally, describe, describe_hit};
 use niwaki_core::{Hit, Intersector, Ray, TriangleMesh};
-use niwaki_exact::{SettleOptions, Side, Verdict, settle_any_with, settle_with};
+use niwaki_exact::{Anchor, SettleOptions, Side, Verdict, settle_any_with, settle_with};
 use rayon::prelude::*;
 use std::{
     collections::HashMap,
@@ -37,6 +37,11 @@ pub(crate) fn any(scene: &(impl Intersector + ?Sized), rays: &[Ray]) -> Vec<bool
 /// The verdict, and of rounding who rounded.
 type Settled = (Verdict, Option<Side>);
 
+/// Fast kernels and peers measure distances from a triangle's first corner.
+fn options() -> SettleOptions {
+    SettleOptions { anchor: Anchor::First, ..SettleOptions::default() }
+}
+
 /// An answer to a ray that can be settled against another.
 pub(crate) trait Answer: Copy + Sync {
     /// Bits that are equal only for equal answers; the key of the memory.
@@ -52,7 +57,7 @@ impl Answer for Hit {
         u64::from(self.prim_id) << 32 | u64::from(self.t.to_bits())
     }
     fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Settled {
-        let settled = settle_with(ray, mesh, &self, &theirs, &SettleOptions::default());
+        let settled = settle_with(ray, mesh, &self, &theirs, &options());
         (settled.verdict, settled.rounding_side)
     }
     fn describe(self) -> String {
@@ -65,7 +70,7 @@ impl Answer for bool {
         u64::from(self)
     }
     fn settle(self, theirs: Self, ray: &Ray, mesh: &TriangleMesh) -> Settled {
-        let settled = settle_any_with(ray, mesh, self, theirs, &SettleOptions::default());
+        let settled = settle_any_with(ray, mesh, self, theirs, &options());
         (settled.verdict, settled.rounding_side)
     }
     fn describe(self) -> String {

@@ -1,16 +1,18 @@
 //! `power analyze`.
 
-use super::args::{AnalyzeArgs, Settings};
+use super::args::AnalyzeArgs;
+use super::source::trace_of;
 use super::{page, tables};
 use anyhow::{Context, Result};
-use niwaki_power::{Analysis, FrameLog, ReadOptions, analyze, open_trace};
+use niwaki_power::{Analysis, AnalysisOptions, FrameLog, analyze};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::process::ExitCode;
 
 pub(super) fn run(args: &AnalyzeArgs) -> Result<ExitCode> {
-    let analysis = of_files(&args.trace, args.frames.as_deref(), &args.settings)?;
+    let analysis =
+        of_files(&args.trace, args.frames.as_deref(), &args.settings.options(args.size)?)?;
     let name = args.trace.file_name().unwrap_or_default().to_string_lossy();
     show(&analysis, &name, &args.out)?;
     Ok(ExitCode::SUCCESS)
@@ -19,11 +21,10 @@ pub(super) fn run(args: &AnalyzeArgs) -> Result<ExitCode> {
 pub(super) fn of_files(
     trace: &Path,
     frames: Option<&Path>,
-    settings: &Settings,
+    options: &AnalysisOptions,
 ) -> Result<Analysis> {
     let log = frames.map(read_log).transpose()?;
-    let open = || open_trace(trace, &ReadOptions::default());
-    analyze(open, log.as_ref(), &settings.options()?)
+    analyze(|| trace_of(trace), log.as_ref(), options)
         .with_context(|| format!("cannot analyse {}", trace.display()))
 }
 

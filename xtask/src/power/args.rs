@@ -1,5 +1,7 @@
 //! The command line of `cargo xtask power`.
 
+use super::study::StudyArgs;
+use crate::render::Size;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use niwaki_power::{AnalysisOptions, IdlePolicy, Rail, SyncMethod};
@@ -15,6 +17,8 @@ Examples:
       Currents in CSV (columns slot12_a, aux1_a) on rails of constant voltage; idle power subtracted.
   cargo xtask power record --frames frames.jsonl -- ./renderer --log frames.jsonl
       Records with the meters of this machine (NVML, RAPL) while the renderer runs, then analyses.
+  cargo xtask power study
+      The paper's six algorithms on this device, and what it answers to the paper's questions.
 
 Traces: CSV with a column of time (time_s, time_ms, time_us or time_ns), columns of samples whose names
 end with their unit (_a, _v, _w, or _j for counters of energy) and perhaps a column mark; dumps of
@@ -40,6 +44,9 @@ pub(crate) enum PowerCommand {
     Analyze(AnalyzeArgs),
     /// Record the power of this machine while a command runs, then analyse
     Record(RecordArgs),
+    /// Render by the paper's six algorithms on this device: what each takes in time, and in energy where
+    /// there is a meter
+    Study(StudyArgs),
 }
 
 /// Arguments of `demo`.
@@ -76,6 +83,10 @@ pub(crate) struct AnalyzeArgs {
     #[command(flatten)]
     pub(crate) settings: Settings,
 
+    /// Size of images where there is no log to tell, such as 2560x1440
+    #[arg(long, value_name = "WIDTHxHEIGHT")]
+    pub(crate) size: Option<Size>,
+
     /// Where results go
     #[arg(long, value_name = "DIR", default_value = "out/power")]
     pub(crate) out: PathBuf,
@@ -103,6 +114,10 @@ pub(crate) struct RecordArgs {
     #[command(flatten)]
     pub(crate) settings: Settings,
 
+    /// Size of images where there is no log to tell, such as 2560x1440
+    #[arg(long, value_name = "WIDTHxHEIGHT")]
+    pub(crate) size: Option<Size>,
+
     /// Where the trace and the results go
     #[arg(long, value_name = "DIR", default_value = "out/power")]
     pub(crate) out: PathBuf,
@@ -124,7 +139,7 @@ pub(crate) enum Sync {
     Idle,
 }
 
-/// What `analyze` and `record` share.
+/// What `analyze`, `record` and `study` share.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Settings {
     /// How the log and the trace are brought together
@@ -143,14 +158,11 @@ pub(crate) struct Settings {
     /// A JSON file that declares rails, calibrations and ranges, instead of names of columns
     #[arg(long, value_name = "FILE")]
     pub(crate) rails: Option<PathBuf>,
-
-    /// Size of images where there is no log to tell, such as 2560x1440
-    #[arg(long, value_name = "WIDTHxHEIGHT")]
-    pub(crate) size: Option<String>,
 }
 
 impl Settings {
-    pub(crate) fn options(&self) -> Result<AnalysisOptions> {
+    /// Settings of an analysis; `size` for traces without a log.
+    pub(crate) fn options(&self, size: Option<Size>) -> Result<AnalysisOptions> {
         let number = |text: &str, what: &str| -> Result<f64> {
             text.parse().with_context(|| format!("{what}: {text:?} is not a number"))
         };
@@ -177,20 +189,11 @@ impl Settings {
                 Some(rails)
             }
         };
-        let size = match &self.size {
-            None => None,
-            Some(text) => {
-                let sides = text
-                    .split_once('x')
-                    .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-                Some(sides.with_context(|| format!("--size: {text:?} is not WIDTHxHEIGHT"))?)
-            }
-        };
         Ok(AnalysisOptions {
             rails,
             volts,
             idle,
-            size,
+            size: size.map(|size| (size.width, size.height)),
             sync: match self.sync {
                 Sync::Auto => SyncMethod::Auto,
                 Sync::Shared => SyncMethod::SharedClock,

@@ -7,6 +7,10 @@ mod page;
 mod plots;
 mod published;
 mod record;
+#[cfg(test)]
+pub(crate) mod simulated;
+pub(crate) mod source;
+pub(crate) mod study;
 mod tables;
 
 pub(crate) use args::PowerArgs;
@@ -21,5 +25,6 @@ pub(crate) fn run(args: &PowerArgs) -> Result<ExitCode> {
         PowerCommand::Demo(args) => demo::run(args),
         PowerCommand::Analyze(args) => analyze::run(args),
         PowerCommand::Record(args) => record::run(args),
+        PowerCommand::Study(args) => study::run(args),
     }
 }

@@ -16,11 +16,11 @@ pub(super) struct Plot {
 }
 
 /// A curve: a faint raw one and a strong smooth one.
-struct Curve {
-    name: String,
-    colour: usize,
-    raw: Vec<(f64, f64)>,
-    smooth: Vec<(f64, f64)>,
+pub(super) struct Curve {
+    pub(super) name: String,
+    pub(super) colour: usize,
+    pub(super) raw: Vec<(f64, f64)>,
+    pub(super) smooth: Vec<(f64, f64)>,
 }
 
 /// The algorithms of the two columns of figures 4 to 6; names that the paper does not know are in the
@@ -80,14 +80,15 @@ pub(super) fn along(analysis: &Analysis, shadows: bool, is_power: bool) -> Resul
 }
 
 /// The series after a low-pass filter of a twentieth of a cycle a frame.
-fn smooth(raw: &[(f64, f64)]) -> Result<Vec<(f64, f64)>> {
+pub(super) fn smooth(raw: &[(f64, f64)]) -> Result<Vec<(f64, f64)>> {
     let filter = Butterworth::low_pass(2, 0.05, 1.0)?;
     let values: Vec<_> = raw.iter().map(|p| p.1).collect();
     let smooth = filter.filter_both_ways(&values);
     Ok(raw.iter().map(|p| p.0).zip(smooth).collect())
 }
 
-fn data(name: &str, columns: &[&str], curves: &[Curve]) -> Table {
+/// What curves show.
+pub(super) fn data(name: &str, columns: &[&str], curves: &[Curve]) -> Table {
     let mut table = Table::new(name);
     for column in columns {
         table = table.column(*column, Best::Neither);
@@ -117,7 +118,12 @@ fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.chunks(stretch).flat_map(ends).collect()
 }
 
-fn draw_curves(description: &str, curves: &[Curve], labels: (&str, &str)) -> Result<String> {
+/// Curves from 0 on.
+pub(super) fn draw_curves(
+    description: &str,
+    curves: &[Curve],
+    labels: (&str, &str),
+) -> Result<String> {
     draw(description, |area| {
         let all = || curves.iter().flat_map(|c| c.raw.iter().chain(&c.smooth));
         let most_x = all().map(|p| p.0).fold(0.0, f64::max);

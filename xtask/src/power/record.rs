@@ -2,10 +2,9 @@
 
 use super::analyze::{of_files, show};
 use super::args::RecordArgs;
+use super::source::all_meters;
 use anyhow::{Context, Result, bail};
-use niwaki_power::{
-    JoinedMeter, Recorder, RecorderOptions, TraceFormat, TraceReader, TraceWriter, find_meters,
-};
+use niwaki_power::{JoinedMeter, Recorder, RecorderOptions, TraceFormat, TraceReader, TraceWriter};
 use std::fs::File;
 use std::io::BufWriter;
 use std::process::{Command, ExitCode};
@@ -15,16 +14,8 @@ pub(super) fn run(args: &RecordArgs) -> Result<ExitCode> {
     if !(0.0..=3600.0).contains(&args.margin) {
         bail!("--margin: 0 to 3600 seconds");
     }
-    let (meters, missing) = find_meters();
-    for error in &missing {
-        eprintln!("not recorded: {error}");
-    }
-    if meters.is_empty() {
-        bail!(
-            "this machine has no meter that can be read; record with an instrument of your own and \
-             give its trace to: cargo xtask power analyze"
-        );
-    }
+    let analysis = args.settings.options(args.size)?;
+    let meters = all_meters()?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create {}", args.out.display()))?;
     let path = args.out.join("trace.npt");
@@ -64,7 +55,7 @@ pub(super) fn run(args: &RecordArgs) -> Result<ExitCode> {
     if !status.success() {
         eprintln!("the command ended with {status}; what was recorded is analysed all the same");
     }
-    let analysis = of_files(&path, args.frames.as_deref(), &args.settings)?;
+    let analysis = of_files(&path, args.frames.as_deref(), &analysis)?;
     show(&analysis, &args.command.join(" "), &args.out)?;
     Ok(if status.success() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -241,9 +241,7 @@ fn finish(args: &StabilityArgs, catalogue: &Catalogue) -> Result<ExitCode> {
     }
     let page = page::write(catalogue, &args.out)?;
     let json = args.out.join("stability.json");
-    let mut text = serde_json::to_string_pretty(catalogue)?;
-    text.push('\n');
-    std::fs::write(&json, text).with_context(|| format!("cannot write {}", json.display()))?;
+    crate::results::write_json(&json, catalogue)?;
     println!("every row {}\nreport    {}", json.display(), page.display());
     let against = catalogue.findings.iter().filter(|f| f.counts_against_us()).count();
     if against > 0 {

@@ -19,7 +19,7 @@ use crate::bench::{Failures, Method, find_peers, pool};
 use crate::registry::TreeBuilder;
 use crate::results::{Failure, Results, Run, Source};
 use crate::{machine, report};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use compare::Comparison;
 use measure::{SceneResult, Settings};
 use names::Standing;
@@ -230,9 +230,7 @@ fn write(report: &Report, out: &Path) -> Result<()> {
     let (html, files) = page::page(report)?;
     report::write_page(&html, files, out, "thesis.html")?;
     let path = out.join("thesis.json");
-    let mut json = serde_json::to_string_pretty(report)?;
-    json.push('\n');
-    std::fs::write(&path, json).with_context(|| format!("cannot write {}", path.display()))?;
+    crate::results::write_json(&path, report)?;
     let mut results = Results {
         runs: vec![report.run.clone()],
         failures: report.failures.clone(),

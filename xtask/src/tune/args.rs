@@ -1,7 +1,12 @@
 //! The command line of `cargo xtask tune`.
 
-use crate::render::Size;
-use clap::Args;
+use super::flight::{FIRST, Orders};
+use super::pilots::{Features, Model};
+use super::rows::Flight;
+use crate::render::{Preset, Size};
+use clap::{Args, ValueEnum};
+use niwaki_frame_control::{Ladder, RenderSettings, Summary, frames_off};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -13,8 +18,13 @@ Examples:
       Your own scene along its camera path (or an automatic one), kept at 60 frames a second.
   cargo xtask tune --device geforce-580 --device radeon-5870 --turn
       Simulated devices with their own hidden parameters; half-way the camera turns around.
+  cargo xtask tune --renderer hybrid --scene gallery:100k --target-ms 16.7
+      The hybrid renderer: render scale, reflection depth and the size of the near region are turned too.
   cargo xtask tune --model my-gpu.toml
       A table of the device instead of measuring it (what was measured is written to --out).
+
+On the Vulkan device the model is first fitted to 36 frames: 6 views spread over the path, by 6
+settings each, the median of 3 (--no-fit leaves it as measured).
 
 Each frame, the workload of its view is sampled on the CPU while the frame before is drawn. A controller
 predicts what each rung of the ladder (shading; shadows; 1, 2, ... directions of ambient occlusion) will
@@ -35,6 +45,17 @@ the table of the device that was measured.
 
 The exit code is 1 if a scene could not be loaded or a device failed.";
 
+/// What draws frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Renderer {
+    /// Primary rays, Phong shading, shadow rays and ambient occlusion, as in the paper
+    #[default]
+    Tracer,
+    /// The hybrid renderer: render scale, reflection depth and near region are turned as well
+    Hybrid,
+}
+
 /// Arguments of `cargo xtask tune`.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
@@ -48,6 +69,10 @@ pub(crate) struct TuneArgs {
     #[arg(long = "device", value_name = "NAME", default_value = "vulkan",
           value_parser = ["vulkan", "geforce-8800", "geforce-580", "radeon-5870"])]
     pub(crate) devices: Vec<String>,
+
+    /// What draws: the GPU ray tracer of the paper's application, or the hybrid renderer
+    #[arg(long, value_name = "NAME", default_value = "tracer")]
+    pub(crate) renderer: Renderer,
 
     /// Milliseconds that a frame should take [default: what the first frame takes with 16
     /// directions of ambient occlusion]
@@ -90,9 +115,17 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "NAME|FILE")]
     pub(crate) model: Option<String>,
 
+    /// Takes the table of the device as it is, instead of fitting it to some frames that are drawn first
+    #[arg(long)]
+    pub(crate) no_fit: bool,
+
     /// Builder of the tree
     #[arg(long, value_name = "NAME", default_value = "bonsai_p")]
     pub(crate) builder: String,
+
+    /// Settings of the hybrid renderer that no rung changes [default: default; fast on a software driver]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) preset: Option<Preset>,
 
     /// Views in which settings are timed to see whether the model orders them right; 0 for none
     #[arg(long, value_name = "NUMBER", default_value_t = 3)]
@@ -109,4 +142,52 @@ pub(crate) struct TuneArgs {
     /// Where results go
     #[arg(long, value_name = "DIR", default_value = "out/tune")]
     pub(crate) out: PathBuf,
+}
+
+impl TuneArgs {
+    /// Pixels of a frame.
+    pub(super) fn size(&self, is_software: bool) -> [u32; 2] {
+        match (self.size, self.quick, is_software) {
+            (Some(Size { width, height }), ..) => [width, height],
+            (None, true, _) => [64, 36],
+            (None, false, true) => [320, 180],
+            (None, false, false) => [1280, 720],
+        }
+    }
+
+    /// Frames along the path.
+    pub(super) fn frames(&self) -> u32 {
+        self.frames.unwrap_or(if self.quick { 12 } else { 100 })
+    }
+
+    /// What the controllers are to do.
+    pub(super) fn flight<'a, W>(
+        &'a self,
+        ladder: &'a Ladder<RenderSettings>,
+        model: Model<W>,
+        features: Features<W>,
+    ) -> Orders<'a, W> {
+        Orders {
+            ladder,
+            model,
+            features,
+            controllers: &self.controllers,
+            target_ms: self.target_ms,
+            rank: self.rank as usize,
+        }
+    }
+
+    /// Adds what flights come to.
+    pub(super) fn summed(&self, mut flights: Vec<Flight>) -> Vec<Flight> {
+        for flight in &mut flights {
+            let learnt = flight.records.get(FIRST..).unwrap_or_default();
+            flight.summary = Summary::of(learnt).or_else(|| Summary::of(&flight.records));
+            flight.off_after_turn = self.turn.then(|| {
+                let turn = flight.records.len() / 2;
+                let end = (turn + FIRST).min(flight.records.len());
+                frames_off(flight.records.get(turn..end).unwrap_or_default(), 0.1)
+            });
+        }
+        flights
+    }
 }

@@ -1,17 +1,21 @@
 //! `tune.json`, `tune.html` and `csv/*.csv`.
 
+use super::args::Renderer;
+use super::fit::Fit;
 use super::plots::{Curve, frames};
 use super::rows::{Flight, Study, Tour};
 use crate::report::page::{self, FOOT, add_table, figure, head, run_header};
 use crate::report::table::{Best, Table, escape};
 use crate::report::write_page;
-use anyhow::{Context, Result};
+use anyhow::Result;
+use niwaki_frame_control::RenderSettings;
 use std::fmt::Write as _;
 use std::path::Path;
 
 const HOW_TO_READ: &str = "<h2>How to read</h2>\n<ul>\n\
     <li><em>model error</em>: mean of |model − measured| / measured, the paper's; <em>corrected</em>: \
-    the same of the time that the controller expected. <em>on target</em>: frames within 5 % of it. \
+    the same of the time that the controller expected; <em>as measured</em>: the model error without the \
+    fit to frames, by what micro-benchmarks measured. <em>on target</em>: frames within 5 % of it. \
     Controllers learn in the first ten frames, which do not count.</li>\n\
     <li><em>rung</em>: the mean place on the ladder, the quality that was delivered; <em>turned back</em>: \
     frames whose quality went up after down or down after up.</li>\n\
@@ -33,9 +37,7 @@ pub(super) fn save(study: &Study, out: &Path) -> Result<()> {
     html.push_str(FOOT);
     write_page(&html, files, out, "tune.html")?;
     let path = out.join("tune.json");
-    let mut json = serde_json::to_string_pretty(study)?;
-    json.push('\n');
-    std::fs::write(&path, json).with_context(|| format!("cannot write {}", path.display()))
+    crate::results::write_json(&path, study)
 }
 
 fn add_tour(
@@ -60,6 +62,10 @@ fn add_tour(
         tour.prediction_us,
     );
     add_table(html, files, &summary(tour, number))?;
+    if let Some(fit) = &tour.fit {
+        let _ = writeln!(html, "<p>{}</p>", escape(&fit.line(&tour.scene)));
+        add_table(html, files, &parameters(fit, number))?;
+    }
     let data = records(tour, number);
     let best = ["both", "feedforward", "feedback", "regression", "none"];
     let shown = best.iter().find_map(|name| tour.flights.iter().find(|f| f.controller == *name));
@@ -82,18 +88,32 @@ fn add_tour(
         );
         figure(html, files, &svg, &caption, &data)?;
     }
-    let ao = |flight: &Flight| -> Vec<Option<f64>> {
-        let rays = |rung: usize| tour.ao_rays.get(rung).copied().map(f64::from);
-        flight.records.iter().map(|r| rays(r.rung)).collect()
+    let (quality, what, caption): (fn(&RenderSettings, usize) -> f64, _, _) = match tour.renderer {
+        Renderer::Tracer => (
+            |s, _| f64::from(s.ao_rays),
+            "directions of ambient occlusion",
+            "Directions of ambient occlusion that each controller chose (Figure 8, top).",
+        ),
+        Renderer::Hybrid => (
+            |_, rung| rung as f64,
+            "rung of the ladder",
+            "The rung that each controller chose; what the rungs are is in the table of rungs.",
+        ),
+    };
+    let chosen = |flight: &Flight| -> Vec<Option<f64>> {
+        let of = |rung: usize| tour.rungs.get(rung).map(|s| quality(s, rung));
+        flight.records.iter().map(|r| of(r.rung)).collect()
     };
     let curves: Vec<Curve<'_>> = tour
         .flights
         .iter()
-        .map(|flight| Curve { name: &flight.controller, values: ao(flight) })
+        .map(|flight| Curve { name: &flight.controller, values: chosen(flight) })
         .collect();
-    let svg = frames(&curves, "directions of ambient occlusion", (None, f64::INFINITY), "Quality")?;
-    let caption = "Directions of ambient occlusion that each controller chose (Figure 8, top).";
+    let svg = frames(&curves, what, (None, f64::INFINITY), "Quality")?;
     figure(html, files, &svg, caption, &data)?;
+    if tour.renderer == Renderer::Hybrid {
+        add_table(html, files, &rungs(tour, number))?;
+    }
     let off = |flight: &Flight| -> Vec<Option<f64>> {
         flight.records.iter().map(|r| Some(100.0 * r.off_target().abs())).collect()
     };
@@ -116,6 +136,7 @@ fn add_tour(
 pub(super) fn summary(tour: &Tour, number: usize) -> Table {
     let mut table = Table::new(format!("tune-{number}"))
         .column("controller", Best::Neither)
+        .column_with_digits("as measured\n%", Best::Low, 1)
         .column_with_digits("model error\n%", Best::Low, 1)
         .column_with_digits("corrected\n%", Best::Low, 1)
         .column_with_digits("off target\n%", Best::Low, 1)
@@ -129,6 +150,7 @@ pub(super) fn summary(tour: &Tour, number: usize) -> Table {
         let percent = |x: Option<f64>| x.map(|x| 100.0 * x);
         table.push(vec![
             flight.controller.as_str().into(),
+            percent(flight.unfitted_error).into(),
             percent(s.and_then(|s| s.model_error)).into(),
             percent(s.and_then(|s| s.corrected_error)).into(),
             percent(s.map(|s| s.target_error)).into(),
@@ -142,6 +164,19 @@ pub(super) fn summary(tour: &Tour, number: usize) -> Table {
     table
 }
 
+/// A row a parameter.
+pub(super) fn parameters(fit: &Fit, number: usize) -> Table {
+    let mut table = Table::new(format!("tune-{number}-fit"))
+        .column("parameter", Best::Neither)
+        .column("measured", Best::Neither)
+        .column("fitted", Best::Neither);
+    for row in &fit.parameters {
+        let fitted = row.is_fitted.then_some(row.fitted);
+        table.push(vec![row.parameter.as_str().into(), row.measured.into(), fitted.into()]);
+    }
+    table
+}
+
 /// A row a view.
 pub(super) fn ranks(tour: &Tour, number: usize) -> Table {
     let mut table = Table::new(format!("tune-{number}-ranks"))
@@ -150,6 +185,33 @@ pub(super) fn ranks(tour: &Tour, number: usize) -> Table {
         .column_with_digits("τ", Best::High, 3);
     for rank in &tour.ranks {
         table.push(vec![(rank.frame as usize).into(), rank.rungs.len().into(), rank.tau.into()]);
+    }
+    table
+}
+
+/// A row a rung, and how often each was drawn.
+fn rungs(tour: &Tour, number: usize) -> Table {
+    let mut table = Table::new(format!("tune-{number}-rungs"))
+        .column_with_digits("rung", Best::Neither, 0)
+        .column_with_digits("render\nscale", Best::Neither, 1)
+        .column("shadows", Best::Neither)
+        .column_with_digits("reflection\ndepth", Best::Neither, 0)
+        .column_with_digits("near region\n% of the diagonal", Best::Neither, 1)
+        .column_with_digits("occlusion\nrays", Best::Neither, 0)
+        .column_with_digits("their length\n% of the diagonal", Best::Neither, 1)
+        .column_with_digits("frames", Best::Neither, 0);
+    for (rung, s) in tour.rungs.iter().enumerate() {
+        let records = tour.flights.iter().flat_map(|flight| &flight.records);
+        table.push(vec![
+            rung.into(),
+            s.render_scale.into(),
+            if s.shadows { "yes" } else { "no" }.into(),
+            usize::from(s.reflection_depth).into(),
+            (100.0 * s.near_region).into(),
+            usize::from(s.ao_rays).into(),
+            (100.0 * s.ao_radius).into(),
+            records.filter(|record| record.rung == rung).count().into(),
+        ]);
     }
     table
 }
@@ -167,7 +229,7 @@ fn records(tour: &Tour, number: usize) -> Table {
         .column("status", Best::Neither);
     for flight in &tour.flights {
         for r in &flight.records {
-            let rays = tour.ao_rays.get(r.rung).copied().map(usize::from);
+            let rays = tour.rungs.get(r.rung).map(|s| usize::from(s.ao_rays));
             table.push(vec![
                 flight.controller.as_str().into(),
                 (r.frame as f64).into(),

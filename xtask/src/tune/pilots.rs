@@ -8,35 +8,40 @@ use niwaki_frame_control::{
 use niwaki_gpu_model::Workload;
 use std::sync::Arc;
 
-/// Milliseconds of settings in a view.
-pub(super) type Model = Arc<dyn Fn(&RenderSettings, &Workload) -> f64 + Send + Sync>;
+/// Milliseconds of settings in a view, by what is known of the view.
+pub(crate) type Model<W> = Arc<dyn Fn(&RenderSettings, &W) -> f64 + Send + Sync>;
+
+/// What a time is a sum of.
+pub(super) type Features<W> = fn(&RenderSettings, &W) -> [f64; 8];
 
 /// A controller and its name.
-pub(super) struct Pilot {
+pub(super) struct Pilot<W> {
     pub(super) name: String,
-    pub(super) controller: Box<dyn Controller<Workload>>,
+    pub(super) controller: Box<dyn Controller<W>>,
 }
 
 /// What all controllers start from.
-pub(super) struct Start<'a> {
+pub(super) struct Start<'a, W> {
     pub(super) ladder: &'a Ladder<RenderSettings>,
-    pub(super) model: Model,
+    pub(super) model: Model<W>,
+    pub(super) features: Features<W>,
     pub(super) target_ms: f64,
     /// The first frame's workload, and the rung that meets the target best in it.
-    pub(super) workload: Workload,
+    pub(super) workload: W,
     pub(super) rung: usize,
 }
 
-impl Start<'_> {
-    pub(super) fn pilot(&self, name: &str) -> Result<Pilot> {
+impl<W: Clone + 'static> Start<'_, W> {
+    pub(super) fn pilot(&self, name: &str) -> Result<Pilot<W>> {
         let ladder = self.ladder.clone();
         let model = self.model.clone();
-        let predict = move |s: &RenderSettings, w: &Workload| model(s, w);
+        let predict = move |s: &RenderSettings, w: &W| model(s, w);
         let target = self.target_ms;
-        let controller: Box<dyn Controller<Workload>> = match name {
+        let controller: Box<dyn Controller<W>> = match name {
             "none" => Box::new(FixedRung::new(&ladder, self.rung)?),
             "feedback" => {
-                let predictor = FrozenWorkload { predictor: predict, workload: self.workload };
+                let predictor =
+                    FrozenWorkload { predictor: predict, workload: self.workload.clone() };
                 let config = Config::feedback();
                 Box::new(FrameController::new(ladder, predictor, target, config)?)
             }
@@ -45,7 +50,13 @@ impl Start<'_> {
             }
             "regression" => {
                 let config = RegressionConfig::default();
-                Box::new(RegressionController::new(ladder, features, target, self.rung, config)?)
+                Box::new(RegressionController::new(
+                    ladder,
+                    self.features,
+                    target,
+                    self.rung,
+                    config,
+                )?)
             }
             _ => Box::new(FrameController::new(ladder, predict, target, Config::default())?),
         };
@@ -53,8 +64,8 @@ impl Start<'_> {
     }
 }
 
-/// What a time is a sum of, by the counters: a constant, primary rays, shadow rays, ambient occlusion.
-fn features(s: &RenderSettings, w: &Workload) -> [f64; 6] {
+/// What a time of the ray tracer is a sum of, by the counters: a constant, primary rays, shadow rays, ambient occlusion.
+pub(super) fn features(s: &RenderSettings, w: &Workload) -> [f64; 8] {
     let (rays, shadows) = (f64::from(s.ao_rays), f64::from(u8::from(s.shadows)));
     [
         1.0,
@@ -63,5 +74,7 @@ fn features(s: &RenderSettings, w: &Workload) -> [f64; 6] {
         shadows * (w.shadow_traversals + w.shadow_intersections),
         rays * w.ao_traversals,
         rays * w.visible_triangles * w.ao_intersections,
+        0.0,
+        0.0,
     ]
 }

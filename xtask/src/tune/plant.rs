@@ -7,12 +7,13 @@ use niwaki_frame_control::{
     sim::{self, Counters, DeviceSpec, Hidden},
 };
 use niwaki_gpu_model::{Workload, workload::Sampling};
-use niwaki_gpu_tracer::{FrameTracer, TracedScene};
+use niwaki_gpu_tracer::{FrameCounts, FrameTracer, TracedScene};
 use niwaki_metrics::TreeStats;
+use niwaki_render::Image;
 use niwaki_trace_vulkan::Device;
 
 /// What frames are drawn by.
-pub(super) enum Plant {
+pub(crate) enum Plant {
     /// A device of Vulkan's.
     Vulkan { tracer: Box<FrameTracer>, scene: Box<TracedScene> },
     /// A simulated device for each controller, and what each frame's view is in truth.
@@ -20,7 +21,7 @@ pub(super) enum Plant {
 }
 
 impl Plant {
-    pub(super) fn vulkan(device: &Device, stage: &Stage) -> Result<Self> {
+    pub(crate) fn vulkan(device: &Device, stage: &Stage) -> Result<Self> {
         Ok(Self::Vulkan {
             tracer: Box::new(FrameTracer::new(device)?),
             scene: Box::new(TracedScene::upload(device, &stage.bvh, &stage.scene)?),
@@ -28,7 +29,7 @@ impl Plant {
     }
 
     /// As many simulated devices as there are controllers, all alike.
-    pub(super) fn simulated(
+    pub(crate) fn simulated(
         name: &str,
         stage: &Stage,
         controllers: usize,
@@ -45,7 +46,7 @@ impl Plant {
     }
 
     /// Milliseconds of a frame drawn for a controller.
-    pub(super) fn draw(
+    pub(crate) fn draw(
         &mut self,
         stage: &Stage,
         controller: usize,
@@ -64,7 +65,7 @@ impl Plant {
     }
 
     /// Milliseconds of a frame that nothing remembers: the median of some for a real device.
-    pub(super) fn probe(
+    pub(crate) fn probe(
         &mut self,
         stage: &Stage,
         frame: usize,
@@ -82,8 +83,31 @@ impl Plant {
         Ok(times[TIMES / 2])
     }
 
+    /// The device's own counts of a frame's work; none of simulated devices.
+    pub(crate) fn counts(
+        &mut self,
+        stage: &Stage,
+        frame: usize,
+        settings: &RenderSettings,
+    ) -> Result<Option<FrameCounts>> {
+        match self {
+            Self::Vulkan { tracer, scene } => {
+                Ok(Some(tracer.count(scene, &stage.cameras[frame], &stage.frame(settings))?))
+            }
+            Self::Simulated { .. } => Ok(None),
+        }
+    }
+
+    /// The frame that was drawn last; none of simulated devices.
+    pub(crate) fn image(&self) -> Result<Option<Image>> {
+        match self {
+            Self::Vulkan { tracer, .. } => Ok(Some(tracer.image()?)),
+            Self::Simulated { .. } => Ok(None),
+        }
+    }
+
     /// Frames from a frame's decision to the first that knows its time.
-    pub(super) const fn delay(&self) -> usize {
+    pub(crate) const fn delay(&self) -> usize {
         match self {
             Self::Vulkan { .. } => 1,
             Self::Simulated { .. } => 2,

@@ -1,7 +1,9 @@
 //! What `tune.json` holds.
 
+use super::args::Renderer;
+use super::fit::Fit;
 use crate::results::{Failure, Run};
-use niwaki_frame_control::{FrameRecord, Summary};
+use niwaki_frame_control::{FrameRecord, RenderSettings, Summary};
 use serde::{Deserialize, Serialize};
 
 /// Everything of a run.
@@ -21,6 +23,7 @@ pub(super) struct Tour {
     pub(super) triangles: usize,
     /// Depth of the tree.
     pub(super) depth: usize,
+    pub(super) renderer: Renderer,
     pub(super) device: String,
     pub(super) is_simulated: bool,
     /// The table that the model used: its name and where its numbers are from.
@@ -28,9 +31,11 @@ pub(super) struct Tour {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) target_ms: f64,
-    /// Directions of ambient occlusion of each rung.
-    pub(super) ao_rays: Vec<u16>,
+    /// The ladder.
+    pub(super) rungs: Vec<RenderSettings>,
     pub(super) flights: Vec<Flight>,
+    /// How the model was fitted to frames that were drawn before.
+    pub(super) fit: Option<Fit>,
     /// Milliseconds that sampling a view took, median.
     pub(super) sampling_ms: f64,
     /// Frames whose workload was not yet there: that of an earlier view was used.
@@ -49,6 +54,8 @@ pub(super) struct Flight {
     pub(super) summary: Option<Summary>,
     /// Frames of the ten after a turn that are off by more than a tenth.
     pub(super) off_after_turn: Option<usize>,
+    /// Mean error of the model in the frames of the summary, had it the parameters that were measured.
+    pub(super) unfitted_error: Option<f64>,
 }
 
 /// How well the model orders settings in a view.
@@ -64,6 +71,7 @@ pub(super) struct Rank {
 impl Tour {
     /// What the tables call it.
     pub(super) fn title(&self) -> String {
-        format!("{} on {}", self.scene, self.device)
+        let hybrid = if self.renderer == Renderer::Hybrid { " by the hybrid renderer" } else { "" };
+        format!("{}{hybrid} on {}", self.scene, self.device)
     }
 }

@@ -3,22 +3,18 @@
 
 use super::study::Point;
 use super::sweep::Sweep;
+use crate::accuracy::crops::{around, close, framed};
 use crate::report::slug;
 use anyhow::{Context, Result};
-use niwaki_core::glam::Vec3;
 use niwaki_render::metrics::{ErrorMap, Tile};
 use niwaki_render::{Image, ToneCurve};
 use serde::Serialize;
 use std::path::Path;
 
-/// Sides of crops in files, about, in pixels.
-const SHOWN: u32 = 288;
 /// A remedy is cheap if a frame takes at most this many times as long as at the default.
 const CHEAP: f64 = 1.5;
 /// Less than this share of a tile's error is no remedy.
 const WORTH: f64 = 0.1;
-/// The colour of frames around tiles.
-const FRAME: Vec3 = Vec3::new(1.0, 0.02, 0.02);
 
 /// What is seen around the tile, by a setup.
 #[derive(Debug)]
@@ -44,31 +40,6 @@ pub(super) struct Panels {
     hits: Image,
     /// With the numbers of their setups.
     pub(super) crops: Vec<(usize, Crop)>,
-}
-
-/// A part of the image around the tile, half as wide again on each side.
-fn around(tile: Tile, image: &Image) -> Tile {
-    tile.grown(tile.width.max(tile.height) / 2, image.width(), image.height())
-}
-
-/// A part of an image, enlarged.
-fn close(image: &Image, part: Tile) -> Image {
-    image.crop(part).enlarged((SHOWN / part.width.max(part.height).max(1)).max(1))
-}
-
-/// A frame of `width` pixels drawn around a tile.
-fn framed(image: &Image, tile: Tile, width: u32) -> Image {
-    let mut image = image.clone();
-    let outer = tile.grown(width, image.width(), image.height());
-    let inside = |from: u32, count: u32, at: u32| (from..from + count).contains(&at);
-    for y in outer.y..outer.y + outer.height {
-        for x in outer.x..outer.x + outer.width {
-            if !(inside(tile.x, tile.width, x) && inside(tile.y, tile.height, y)) {
-                image.set(x, y, FRAME);
-            }
-        }
-    }
-    image
 }
 
 impl Panels {
@@ -217,17 +188,5 @@ mod tests {
         // One that is best and cheap is shown once.
         let (best, cheap) = remedies(&points[1..2], 0.4);
         assert!(best.is_some() && cheap.is_none());
-    }
-
-    #[test]
-    fn frames_lie_around_their_tile() {
-        let image = Image::black(8, 6);
-        let tile = Tile { x: 2, y: 0, width: 3, height: 2 };
-        let framed = framed(&image, tile, 1);
-        let red: Vec<(u32, u32)> = (0..6)
-            .flat_map(|y| (0..8).map(move |x| (x, y)))
-            .filter(|&(x, y)| framed.get(x, y) == FRAME)
-            .collect();
-        assert_eq!(red, [(1, 0), (5, 0), (1, 1), (5, 1), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2)]);
     }
 }

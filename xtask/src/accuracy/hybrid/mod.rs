@@ -144,9 +144,7 @@ fn finish(args: &AccuracyArgs, study: &Study, sweep: &Sweep) -> Result<()> {
         .with_context(|| format!("cannot create {}", args.out.display()))?;
     let page = page::write(study, sweep, &args.out)?;
     let json = args.out.join("accuracy.json");
-    let mut text = serde_json::to_string_pretty(study)?;
-    text.push('\n');
-    std::fs::write(&json, text).with_context(|| format!("cannot write {}", json.display()))?;
+    crate::results::write_json(&json, study)?;
     println!("{}x{} pixels on {}", study.width, study.height, study.device);
     println!("results {}\nreport  {}", json.display(), page.display());
     Ok(())
@@ -167,10 +165,7 @@ mod tests {
 
     #[test]
     fn a_small_run_leaves_a_report_with_pictures() {
-        if let Err(error) = Gpu::new() {
-            let required = std::env::var("NIWAKI_REQUIRE_VULKAN").is_ok_and(|v| v == "1");
-            assert!(!required, "{error}");
-            eprintln!("skipped: {error}");
+        if !crate::testing::is_there(Gpu::new()) {
             return;
         }
         let out = std::env::temp_dir().join(format!("niwaki-hybrid-{}", std::process::id()));

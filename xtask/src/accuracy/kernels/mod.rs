@@ -10,7 +10,7 @@ use crate::cli::AccuracyArgs;
 use crate::kernel::{Collapse, TraceKernel};
 use crate::results::Failure;
 use crate::{machine, registry};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use measure::{Effort, RAY_SETS};
 use niwaki_trace::Kernel;
 use std::process::ExitCode;
@@ -115,9 +115,7 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
     }
     let page = page::write(study, &args.out)?;
     let json = args.out.join("accuracy.json");
-    let mut text = serde_json::to_string_pretty(study)?;
-    text.push('\n');
-    std::fs::write(&json, text).with_context(|| format!("cannot write {}", json.display()))?;
+    crate::results::write_json(&json, study)?;
     for failure in &study.failures {
         eprintln!("failed: {}: {}", failure.scene, failure.error);
     }

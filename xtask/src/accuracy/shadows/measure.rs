@@ -3,14 +3,16 @@
 use super::sweep::Setup;
 use crate::bench::progress::Progress;
 use crate::bench::rays;
+use crate::power::study::{Metered, Play, least_time, visit};
 use crate::render::Size;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow, bail};
 use niwaki_raster::{
     Algorithm, ExactShadows, FrameReport, Gpu, Judged, Renderer, ShadowError, study::Study,
 };
 use niwaki_render::Image;
 use niwaki_scene::{Camera, Scene};
 use serde::Serialize;
+use std::time::Duration;
 
 /// Radius of silhouette pixels, in pixels.
 pub(super) const RADIUS: f64 = 0.25;
@@ -18,6 +20,8 @@ pub(super) const RADIUS: f64 = 0.25;
 pub(super) const LIGHTS: usize = 4;
 /// Frames that are timed for each setup and view; the median counts.
 const REPEATS: usize = 3;
+/// Idle time before and after a setup is given to the meter.
+const MARGIN: Duration = Duration::from_millis(200);
 
 /// What a setup's shadows cost and how wrong they are.
 #[derive(Clone, Debug, Serialize)]
@@ -37,6 +41,11 @@ pub(super) struct Point {
     /// Milliseconds of a frame, all passes, and of those for shadows alone.
     pub(super) ms: f64,
     pub(super) shadow_ms: f64,
+    /// Energy of a pixel along the camera path in nanojoules, where a meter tells; half the width of
+    /// its 95 % interval; mean power in watts.
+    pub(super) nj_per_pixel: Option<f64>,
+    pub(super) nj_half_width: Option<f64>,
+    pub(super) mean_w: Option<f64>,
     pub(super) on_front: bool,
 }
 
@@ -68,19 +77,27 @@ fn median(mut numbers: Vec<f64>) -> f64 {
 }
 
 /// Steps of the progress bar for a scene.
-pub(super) fn steps(setups: usize, frames: u32) -> usize {
-    frames as usize * (1 + setups)
+pub(super) fn steps(setups: usize, frames: u32, has_meter: bool) -> usize {
+    frames as usize * (1 + setups) + if has_meter { setups } else { 0 }
+}
+
+/// How the suite measures.
+pub(super) struct Method<'a> {
+    pub(super) setups: &'a [Setup],
+    pub(super) size: Size,
+    /// Views along the path.
+    pub(super) frames: u32,
+    pub(super) meter: Option<Metered<'a>>,
+    pub(super) progress: &'a Progress,
 }
 
 /// Measures all setups on a scene.
 pub(super) fn scene(
     gpu: &Gpu,
     scene: Scene,
-    setups: &[Setup],
-    size: Size,
-    frames: u32,
-    progress: &Progress,
+    Method { setups, size, frames, meter, progress }: &Method<'_>,
 ) -> Result<Measured> {
+    let (size, frames) = (*size, *frames);
     let study = Study::of(scene);
     let name = study.scene.name.clone();
     let Size { width, height } = size;
@@ -128,9 +145,26 @@ pub(super) fn scene(
             progress.step();
         }
     }
+    let mut energies: Vec<Option<Power>> = vec![None; setups.len()];
+    if let Some(meter) = meter {
+        let mut play =
+            Play { path: &study.path, size: [width, height], frames, margin: MARGIN, least_s: 0.0 };
+        (play.least_s, _) = least_time(meter, &mut renderer, &play)?;
+        for (i, setup) in setups.iter().enumerate() {
+            progress.message(&format!("{name}: energy of {} {}", setup.family(), setup.value));
+            if failed[i].is_none() {
+                renderer.set_settings(setup.settings.clone());
+                match power(&mut renderer, &play, meter) {
+                    Ok(power) => energies[i] = Some(power),
+                    Err(error) => failed[i] = Some(format!("{error:#}")),
+                }
+            }
+            progress.step();
+        }
+    }
     let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len().max(1) as f64;
-    let points = setups.iter().zip(sums).zip(spent).zip(failed).map(
-        |(((setup, error), (all, shadows)), failed)| match failed {
+    let points = setups.iter().zip(sums).zip(spent).zip(failed).zip(energies).map(
+        |((((setup, error), (all, shadows)), failed), energy)| match failed {
             Some(failed) => Err(failed),
             None => {
                 let [leaked, lost] = error.leaked_and_lost();
@@ -147,12 +181,38 @@ pub(super) fn scene(
                     error,
                     ms: mean(&all),
                     shadow_ms: mean(&shadows),
+                    nj_per_pixel: energy.map(|e| e.nj_per_pixel),
+                    nj_half_width: energy.map(|e| e.half_width),
+                    mean_w: energy.map(|e| e.mean_w),
                     on_front: false,
                 })
             }
         },
     );
     Ok(Measured { points: points.collect(), pictures, triangles: study.scene.mesh.len() })
+}
+
+/// What a setup draws from the meter.
+#[derive(Clone, Copy, Debug)]
+struct Power {
+    nj_per_pixel: f64,
+    half_width: f64,
+    mean_w: f64,
+}
+
+/// The energy of the camera path by the renderer's settings.
+fn power(renderer: &mut Renderer, play: &Play<'_>, meter: &Metered<'_>) -> Result<Power> {
+    let visit = visit(renderer, play, Some(meter))?;
+    let analysis = visit.power.context("the meter was not asked")?.map_err(|e| anyhow!(e))?;
+    let group = analysis.groups.first().context("the meter measured no frame")?;
+    if group.frames == 0 {
+        bail!("the meter measured no whole frame");
+    }
+    Ok(Power {
+        nj_per_pixel: group.energy.mean_nj_per_pixel,
+        half_width: group.energy.half_width_nj_per_pixel,
+        mean_w: group.power_w.mean,
+    })
 }
 
 /// A view by the renderer's settings: its error, and milliseconds of a frame and of its shadows.

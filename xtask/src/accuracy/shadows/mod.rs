@@ -8,13 +8,16 @@ mod sweep;
 use crate::bench::pool;
 use crate::bench::progress::Progress;
 use crate::cli::AccuracyArgs;
-use crate::machine;
+use crate::power::source::{Opened, Session};
+use crate::power::study::Metered;
 use crate::render::Size;
 use crate::report::pareto_front;
 use crate::results::{Failure, Run};
 use crate::scenes::SceneSpec;
-use anyhow::{Context, Result};
-use measure::{LIGHTS, Measured, Point, RADIUS};
+use crate::{machine, power};
+use anyhow::{Context, Result, bail};
+use measure::{LIGHTS, Measured, Method, Point, RADIUS};
+use niwaki_power::AnalysisOptions;
 use niwaki_raster::{Algorithm, Gpu};
 use niwaki_render::{Image, ToneCurve};
 use serde::Serialize;
@@ -22,6 +25,9 @@ use std::process::ExitCode;
 
 /// The two of the case studies.
 const SCENES: [&str; 2] = ["serpents", "tessellated"];
+
+/// Readings a second of a meter.
+const METER_RATE_HZ: f64 = 1000.0;
 
 /// A scene with its points and pictures.
 #[derive(Clone, Debug, Serialize)]
@@ -49,6 +55,9 @@ struct Study {
     lights: usize,
     /// Radius of silhouette pixels, in pixels.
     silhouette_radius: f64,
+    /// The meter, none without one; and what has to be said of it.
+    meter: Option<String>,
+    meter_notes: Vec<String>,
     scenes: Vec<SceneStudy>,
     failures: Vec<Failure>,
 }
@@ -72,7 +81,27 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
     let mut run = machine::describe();
     run.threads = vec![threads];
     run.arguments = std::env::args().skip(2).collect();
-    let progress = Progress::new(specs.len() * measure::steps(setups.len(), frames));
+    let (mut session, mut meter_notes) = (None, Vec::new());
+    match args.source.open(gpu.name(), power::study::kind(&gpu))? {
+        Opened::Nothing(reason) => meter_notes.push(format!("no meter: {reason}")),
+        Opened::Meters(meters, notes) => {
+            session = Some(Session::start(meters, notes, METER_RATE_HZ)?);
+        }
+        Opened::File(_) => bail!(
+            "--source: the suite measures setup by setup with a meter of this machine; with the trace \
+             of an instrument use: cargo xtask power study --source csv:FILE"
+        ),
+    }
+    let analysis = AnalysisOptions::default();
+    let steps = measure::steps(setups.len(), frames, session.is_some());
+    let progress = Progress::new(specs.len() * steps);
+    let method = Method {
+        setups: &setups,
+        size,
+        frames,
+        meter: session.as_ref().map(|session| Metered { session, options: &analysis }),
+        progress: &progress,
+    };
     let pool = pool(threads)?;
     let (mut scenes, mut failures) = (Vec::new(), Vec::new());
     std::fs::create_dir_all(&args.out)
@@ -81,7 +110,7 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
         progress.message(&format!("{}: load", spec.name));
         let measured = pool.install(|| {
             let scene = spec.load(args.seed)?;
-            measure::scene(&gpu, scene, &setups, size, frames, &progress)
+            measure::scene(&gpu, scene, &method)
         });
         match measured.and_then(|m| gather(args, &spec.name, m)) {
             Ok((scene, errors)) => {
@@ -105,6 +134,8 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
         frames,
         lights: LIGHTS,
         silhouette_radius: RADIUS,
+        meter: session.as_ref().map(|s| s.info().sensor.name.clone()),
+        meter_notes: session.as_ref().map_or(meter_notes, |s| s.notes().to_vec()),
         scenes,
         failures,
     };
@@ -154,9 +185,7 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
     }
     let page = page::write(study, &args.out)?;
     let json = args.out.join("accuracy.json");
-    let mut text = serde_json::to_string_pretty(study)?;
-    text.push('\n');
-    std::fs::write(&json, text).with_context(|| format!("cannot write {}", json.display()))?;
+    crate::results::write_json(&json, study)?;
     for failure in &study.failures {
         eprintln!("failed: {}: {}", failure.scene, failure.error);
     }
@@ -169,23 +198,27 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
 mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
+    use crate::power::simulated::{Folder, Ticker, WATTS, counter};
     use clap::Parser;
 
     #[test]
     fn a_small_run_leaves_a_report_in_which_shadow_volumes_are_exact() {
-        if let Err(error) = Gpu::new() {
-            let required = std::env::var("NIWAKI_REQUIRE_VULKAN").is_ok_and(|v| v == "1");
-            assert!(!required, "{error}");
-            eprintln!("skipped: {error}");
+        if !crate::testing::is_there(Gpu::new()) {
             return;
         }
         let out = std::env::temp_dir().join(format!("niwaki-shadows-{}", std::process::id()));
         let folder = out.display().to_string();
         let what = ["xtask", "accuracy", "--suite", "shadows", "--quick", "--threads", "2"];
         let more = ["--families", "resolution", "--scene", "tessellated:3000", "--out", &folder];
-        let cli = Cli::try_parse_from([&what[..], &more].concat()).unwrap();
+        let counters = Folder::new("shadows-rapl");
+        let mut tick = counter(&counters.0);
+        tick();
+        let ticker = Ticker::new(tick);
+        let source = format!("--source=rapl:{}", counters.0.display());
+        let cli = Cli::try_parse_from([&what[..], &more, &[&source]].concat()).unwrap();
         let Command::Accuracy(args) = cli.command else { panic!("not accuracy") };
         run(&args).unwrap();
+        drop(ticker);
         let json = std::fs::read_to_string(out.join("accuracy.json")).unwrap();
         let json: serde_json::Value = serde_json::from_str(&json).unwrap();
         let points = json["scenes"][0]["points"].as_array().unwrap();
@@ -193,6 +226,13 @@ mod tests {
             let of = points.iter().filter(|p| p["algorithm"] == algorithm);
             of.map(|p| p["mean"].as_f64().unwrap()).collect()
         };
+        assert!(points.iter().all(|p| p["nj_per_pixel"].as_f64().is_some_and(|nj| nj > 0.0)));
+        // The median: on a busy machine the thread that plays the meter may sleep through a setup.
+        let mut watts: Vec<f64> = points.iter().filter_map(|p| p["mean_w"].as_f64()).collect();
+        watts.sort_by(f64::total_cmp);
+        let median = watts[watts.len() / 2];
+        assert!((median / WATTS - 1.0).abs() < 0.1, "{watts:?}");
+        assert_eq!(json["meter"], "RAPL");
         assert_eq!(mean("SV").len(), 1);
         assert!(points[0]["error"]["wrong_elsewhere"] == 0, "{}", points[0]);
         let maps = mean("SM");

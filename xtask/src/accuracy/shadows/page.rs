@@ -3,7 +3,7 @@
 use super::{Point, SceneStudy, Study};
 use crate::accuracy::scatter::{Dot, Look, plot};
 use crate::report::page::{FOOT, add_table, failures, figure, head, picture_data, run_header};
-use crate::report::table::{Best, Table, escape, grouped};
+use crate::report::table::{Best, Cell, Table, escape, grouped};
 use crate::report::{slug, write_page};
 use anyhow::Result;
 use std::fmt::Write as _;
@@ -34,6 +34,13 @@ pub(super) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
         study.lights,
         escape(&study.device)
     );
+    let meter = study.meter.as_deref().unwrap_or("none, so there are times alone");
+    let _ = writeln!(
+        html,
+        "<p>Meter: {}. {}</p>",
+        escape(meter),
+        escape(&study.meter_notes.join("; "))
+    );
     html.push_str(INTRODUCTION);
     failures(&mut html, &study.failures);
     for scene in &study.scenes {
@@ -46,6 +53,12 @@ pub(super) fn write(study: &Study, out: &Path) -> Result<PathBuf> {
         let caption = "Time of the passes for shadowed lights alone.";
         let svg = scatter(scene, |p| p.shadow_ms, "shadows and lights, ms")?;
         figure(&mut html, &mut files, &svg, caption, &table)?;
+        if scene.points.iter().all(|p| p.nj_per_pixel.is_some()) {
+            let caption = "Energy of a pixel along the camera path.";
+            let nj = |p: &Point| p.nj_per_pixel.unwrap_or(f64::NAN);
+            let svg = scatter(scene, nj, "energy, nJ/pixel")?;
+            figure(&mut html, &mut files, &svg, caption, &table)?;
+        }
         html.push_str("</div>\n<div class=\"plots\">\n");
         for (what, file) in &scene.pictures {
             let _ = writeln!(
@@ -110,8 +123,15 @@ pub(super) fn table(scene: &SceneStudy) -> Table {
         .column("facing\npixels", Best::Neither)
         .column_with_digits("frame\nms", Best::Low, 2)
         .column_with_digits("shadows\nms", Best::Low, 2);
+    let has_energy = scene.points.iter().any(|p| p.nj_per_pixel.is_some());
+    if has_energy {
+        table = table
+            .column_with_digits("nJ/pixel", Best::Low, 1)
+            .column_with_digits("± 95 %", Best::Neither, 2)
+            .column_with_digits("mean W", Best::Neither, 2);
+    }
     for p in &scene.points {
-        table.push(vec![
+        let mut row = vec![
             p.algorithm.clone().into(),
             p.knob.clone().into(),
             p.value.clone().into(),
@@ -125,7 +145,11 @@ pub(super) fn table(scene: &SceneStudy) -> Table {
             p.error.facing().into(),
             p.ms.into(),
             p.shadow_ms.into(),
-        ]);
+        ];
+        if has_energy {
+            row.extend([p.nj_per_pixel, p.nj_half_width, p.mean_w].map(Cell::from));
+        }
+        table.push(row);
     }
     table
 }

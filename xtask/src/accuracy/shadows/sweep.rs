@@ -4,12 +4,12 @@ use anyhow::{Result, bail};
 use niwaki_raster::{Algorithm, Bias, Filter, Settings, Variance};
 
 /// The knobs, by which points are joined in plots.
-pub(super) const KNOBS: [&str; 3] = ["resolution", "filter", "bias"];
+pub(super) const KNOBS: [&str; 4] = ["resolution", "filter", "bias", "sides"];
 
 /// Settings with a name.
 #[derive(Clone, Debug)]
 pub(super) struct Setup {
-    /// One of [`KNOBS`]; nothing for shadow volumes, which have none.
+    /// One of [`KNOBS`]; nothing for shadow volumes as they are by default.
     pub(super) knob: &'static str,
     /// What is set.
     pub(super) value: String,
@@ -38,6 +38,7 @@ pub(super) fn setups(
     let new = |algorithm| Settings::new(algorithm, width, height);
     let [volumes, maps, variance] = Algorithm::SHADOWS.map(new);
     let base = maps.shadow_resolution;
+    let both = Settings { one_sided: false, ..volumes.clone() };
     let mut all = vec![Setup { knob: "", value: String::new(), settings: volumes }];
     let mut add = |knob, value: String, settings: Settings| {
         all.push(Setup { knob, value, settings });
@@ -95,6 +96,7 @@ pub(super) fn setups(
     }
     let none = Variance { bias: Bias::NONE, least_deviation: 0.0, ..variance.variance };
     add("bias", "none".into(), Settings { variance: none, ..variance.clone() });
+    add("sides", "closed parts cast from both".into(), both);
     all.retain(|s| s.knob.is_empty() || knobs.is_empty() || knobs.iter().any(|k| k == s.knob));
     Ok(all)
 }
