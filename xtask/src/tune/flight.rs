@@ -128,12 +128,15 @@ pub(super) struct Flown<W> {
     pub(super) sampling_ms: f64,
     /// Views that were not sampled in time.
     pub(super) late_samples: usize,
+    /// Milliseconds of one and the same frame, drawn again beside each frame.
+    pub(super) again_ms: Vec<f64>,
     /// Microseconds of a prediction.
     pub(super) prediction_us: f64,
     pub(super) ranks: Vec<Rank>,
 }
 
-/// Draws all frames, each by all controllers in turns; then times rungs in some views.
+/// Draws all frames, each by all controllers in turns and beside them always the first again, which shows what
+/// the machine does to the same work; then times rungs in some views.
 pub(super) fn fly<C: Craft>(craft: &mut C, orders: &Orders<'_, C::Work>) -> Result<Flown<C::Work>> {
     let Orders { ladder, model, .. } = orders;
     let workload = craft.work(0);
@@ -146,6 +149,7 @@ pub(super) fn fly<C: Craft>(craft: &mut C, orders: &Orders<'_, C::Work>) -> Resu
     };
     let rung = by_hand(craft, ladder, target_ms)?;
     let prediction_us = prediction_us(model, ladder, &workload);
+    let same = &ladder.rungs()[rung];
     let (model, features) = (model.clone(), orders.features);
     let start = Start { ladder, model, features, target_ms, workload, rung };
     let mut pilots: Vec<Pilot<C::Work>> =
@@ -156,10 +160,11 @@ pub(super) fn fly<C: Craft>(craft: &mut C, orders: &Orders<'_, C::Work>) -> Resu
         work: Vec::with_capacity(craft.frames()),
         sampling_ms: 0.0,
         late_samples: 0,
+        again_ms: Vec::new(),
         prediction_us,
         ranks: Vec::new(),
     };
-    in_turns(craft, ladder, &mut pilots, &mut flown)?;
+    in_turns(craft, ladder, same, &mut pilots, &mut flown)?;
     flown.ranks = rank(craft, orders)?;
     Ok(flown)
 }
@@ -196,6 +201,7 @@ fn by_hand<C: Craft>(
 fn in_turns<C: Craft>(
     craft: &mut C,
     ladder: &Ladder<RenderSettings>,
+    same: &RenderSettings,
     pilots: &mut [Pilot<C::Work>],
     flown: &mut Flown<C::Work>,
 ) -> Result<()> {
@@ -245,6 +251,9 @@ fn in_turns<C: Craft>(
             });
         }
         flown.work.push(known.work);
+        if craft.is_live() {
+            flown.again_ms.push(craft.draw(0, 0, same)?);
+        }
     }
     took.sort_by(f64::total_cmp);
     flown.sampling_ms = took.get(took.len() / 2).copied().unwrap_or_default();

@@ -238,6 +238,7 @@ pub(super) fn tour(args: &TuneArgs, spec: &SceneSpec, progress: &Progress) -> Re
         fit: None,
         sampling_ms: flown.sampling_ms,
         late_samples: flown.late_samples,
+        again_ms: flown.again_ms,
         prediction_us: flown.prediction_us,
         ranks: flown.ranks,
     })

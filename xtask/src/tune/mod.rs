@@ -80,7 +80,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<ExitCode> {
     progress.finish();
     for (number, tour) in study.tours.iter().enumerate() {
         println!(
-            "\n{}: {} triangles, {}×{}, {:.2} ms wanted, sampling {:.2} ms, a prediction {:.2} µs{}\n{}",
+            "\n{}: {} triangles, {}×{}, {:.2} ms wanted, sampling {:.2} ms, a prediction {:.2} µs{}{}\n{}",
             tour.title(),
             tour.triangles,
             tour.width,
@@ -89,6 +89,10 @@ pub(crate) fn run(args: &TuneArgs) -> Result<ExitCode> {
             tour.sampling_ms,
             tour.prediction_us,
             if tour.is_simulated { " (simulated)" } else { "" },
+            tour.noise().map_or_else(String::new, |noise| format!(
+                ", the same frame off by {:.1} %",
+                100.0 * noise
+            )),
             page::summary(tour, number).to_text()
         );
         if let Some(fit) = &tour.fit {
@@ -198,6 +202,7 @@ fn tour(
         fit,
         sampling_ms: flown.sampling_ms,
         late_samples: flown.late_samples,
+        again_ms: flown.again_ms,
         prediction_us: flown.prediction_us,
         ranks: flown.ranks,
     })

@@ -61,6 +61,14 @@ fn add_tour(
         tour.sampling_ms,
         tour.prediction_us,
     );
+    if let Some(noise) = tour.noise() {
+        let _ = writeln!(
+            html,
+            "<p>The first frame, drawn again beside every frame with the settings that were chosen by hand, is off its \
+             median by {:.1} % on average: as much is off for no fault of a controller.</p>",
+            100.0 * noise
+        );
+    }
     add_table(html, files, &summary(tour, number))?;
     if let Some(fit) = &tour.fit {
         let _ = writeln!(html, "<p>{}</p>", escape(&fit.line(&tour.scene)));

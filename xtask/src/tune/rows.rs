@@ -40,6 +40,10 @@ pub(super) struct Tour {
     pub(super) sampling_ms: f64,
     /// Frames whose workload was not yet there: that of an earlier view was used.
     pub(super) late_samples: usize,
+    /// Milliseconds of the first frame at the rung chosen by hand, drawn again beside each frame; none of
+    /// simulated devices.
+    #[serde(default)]
+    pub(super) again_ms: Vec<f64>,
     /// Microseconds of a prediction.
     pub(super) prediction_us: f64,
     pub(super) ranks: Vec<Rank>,
@@ -73,5 +77,15 @@ impl Tour {
     pub(super) fn title(&self) -> String {
         let hybrid = if self.renderer == Renderer::Hybrid { " by the hybrid renderer" } else { "" };
         format!("{}{hybrid} on {}", self.scene, self.device)
+    }
+
+    /// The mean distance of the same frame's times from their median, over it: what is off for no fault
+    /// of a controller.
+    pub(super) fn noise(&self) -> Option<f64> {
+        let mut sorted = self.again_ms.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().filter(|median| *median > 0.0)?;
+        let off: f64 = sorted.iter().map(|time| (time - median).abs()).sum();
+        Some(off / sorted.len() as f64 / median)
     }
 }
