@@ -23,6 +23,8 @@ use anyhow::{Context, Result, bail};
 use niwaki_core::Builder;
 use niwaki_metrics::lcv;
 use niwaki_scene::Scene;
+use serde::Serialize;
+use std::path::Path;
 use std::process::ExitCode;
 use variants::Variant;
 
@@ -215,13 +217,25 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
         Some(Err(error)) => println!("no cost model: {error}"),
         None => {}
     }
-    let json = args.out.join("accuracy.json");
     let page = page::write(study, &args.out)?;
+    let note = format!("SAH and EPO with C_I = {}, C_T = {}", CONSTANTS.inner, CONSTANTS.triangle);
+    conclude(args, study, &study.failures, &page, &note)
+}
+
+/// Writes what a suite found beside its page, and says what failed, a note on the tables above and where
+/// everything lies.
+fn conclude(
+    args: &AccuracyArgs,
+    study: &impl Serialize,
+    failures: &[Failure],
+    page: &Path,
+    note: &str,
+) -> Result<()> {
+    let json = args.out.join("accuracy.json");
     crate::results::write_json(&json, study)?;
-    for failure in &study.failures {
+    for failure in failures {
         eprintln!("failed: {}: {}", failure.scene, failure.error);
     }
-    println!("SAH and EPO with C_I = {}, C_T = {}", CONSTANTS.inner, CONSTANTS.triangle);
-    println!("results {}\nreport  {}", json.display(), page.display());
+    println!("{note}\nresults {}\nreport  {}", json.display(), page.display());
     Ok(())
 }

@@ -8,6 +8,7 @@ mod plots;
 mod study;
 mod sweep;
 
+use super::conclude;
 use crate::bench::pool;
 use crate::bench::progress::Progress;
 use crate::cli::AccuracyArgs;
@@ -73,9 +74,6 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
         }
     }
     progress.finish();
-    for failure in &failures {
-        eprintln!("failed: {}: {}", failure.scene, failure.error);
-    }
     let failed = !failures.is_empty();
     let device = (gpu.name().to_owned(), gpu.has_timestamps());
     let study = Study::of(run, device, size, scenes, failures);
@@ -143,11 +141,8 @@ fn finish(args: &AccuracyArgs, study: &Study, sweep: &Sweep) -> Result<()> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create {}", args.out.display()))?;
     let page = page::write(study, sweep, &args.out)?;
-    let json = args.out.join("accuracy.json");
-    crate::results::write_json(&json, study)?;
-    println!("{}x{} pixels on {}", study.width, study.height, study.device);
-    println!("results {}\nreport  {}", json.display(), page.display());
-    Ok(())
+    let note = format!("{}x{} pixels on {}", study.width, study.height, study.device);
+    conclude(args, study, &study.failures, &page, &note)
 }
 
 #[cfg(test)]

@@ -171,6 +171,9 @@ fn caption(family: &str) -> String {
             "<code>thickness</code>: factor on how far behind their fronts surfaces of the map are \
              met. Too much stretches reflections (III, figure 7), too little makes holes."
         }
+        "still" => {
+            "<code>still</code>: whether what stands still counts as without end behind its front."
+        }
         "behind" => {
             "<code>behind</code>: what becomes of rays that pass behind the map's surfaces."
         }

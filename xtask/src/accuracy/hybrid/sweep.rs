@@ -155,6 +155,7 @@ fn knobs() -> Vec<(&'static str, Vec<Value>)> {
         Behind::Sky => "sky".to_owned(),
         _ => "go on".to_owned(),
     };
+    let still = |endless| if endless { "endless" } else { "thin" }.to_owned();
     let rule = |rule: SampleRule| match rule {
         SampleRule::AsPrinted => "as printed".to_owned(),
         _ => "grazing".to_owned(),
@@ -184,6 +185,7 @@ fn knobs() -> Vec<(&'static str, Vec<Value>)> {
         ),
         ("layers", each(&[1, 2], number, |s, layers| s.layers = layers)),
         ("thickness", each(&[0.0, 0.5, 1.0, 2.0, 4.0], number, |s, x| s.thickness = x)),
+        ("still", each(&[false, true], still, |s, endless| s.endless_when_still = endless)),
         ("behind", each(&[Behind::Sky, Behind::GoOn], behind, |s, behind| s.behind = behind)),
         ("look", each(&[false, true], number, |s, through| s.look_through = through)),
         ("depth", each(&[1, 2, 3, 4, 6, 8], number, |s, depth| s.max_depth = depth)),

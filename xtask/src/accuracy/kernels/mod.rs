@@ -4,6 +4,7 @@ mod measure;
 mod page;
 mod study;
 
+use super::conclude;
 use crate::bench::progress::Progress;
 use crate::bench::{Failures, Method, find_peers, pool};
 use crate::cli::AccuracyArgs;
@@ -114,12 +115,6 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
         println!("\n{title}\n{}", table.to_text());
     }
     let page = page::write(study, &args.out)?;
-    let json = args.out.join("accuracy.json");
-    crate::results::write_json(&json, study)?;
-    for failure in &study.failures {
-        eprintln!("failed: {}: {}", failure.scene, failure.error);
-    }
-    println!("t errors are 99th percentiles, in units of 2^-24");
-    println!("results {}\nreport  {}", json.display(), page.display());
-    Ok(())
+    let note = "t errors are 99th percentiles, in units of 2^-24";
+    conclude(args, study, &study.failures, &page, note)
 }

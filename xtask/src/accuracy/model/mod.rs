@@ -5,6 +5,7 @@ mod occlusion;
 mod page;
 mod sampling;
 
+use super::conclude;
 use crate::bench::pool;
 use crate::bench::progress::Progress;
 use crate::cli::AccuracyArgs;
@@ -228,14 +229,8 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create {}", args.out.display()))?;
     let page = page::write(study, &args.out)?;
-    let json = args.out.join("accuracy.json");
-    crate::results::write_json(&json, study)?;
-    for failure in &study.failures {
-        eprintln!("failed: {}: {}", failure.scene, failure.error);
-    }
-    println!("{}x{} pixels on {}", study.width, study.height, study.device);
-    println!("results {}\nreport  {}", json.display(), page.display());
-    Ok(())
+    let note = format!("{}x{} pixels on {}", study.width, study.height, study.device);
+    conclude(args, study, &study.failures, &page, &note)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod measure;
 mod page;
 mod sweep;
 
+use super::conclude;
 use crate::bench::pool;
 use crate::bench::progress::Progress;
 use crate::cli::AccuracyArgs;
@@ -184,14 +185,8 @@ fn finish(args: &AccuracyArgs, study: &Study) -> Result<()> {
         println!("{}", page::table(scene).to_text());
     }
     let page = page::write(study, &args.out)?;
-    let json = args.out.join("accuracy.json");
-    crate::results::write_json(&json, study)?;
-    for failure in &study.failures {
-        eprintln!("failed: {}: {}", failure.scene, failure.error);
-    }
-    println!("{}x{} pixels on {}", study.width, study.height, study.device);
-    println!("results {}\nreport  {}", json.display(), page.display());
-    Ok(())
+    let note = format!("{}x{} pixels on {}", study.width, study.height, study.device);
+    conclude(args, study, &study.failures, &page, &note)
 }
 
 #[cfg(test)]
