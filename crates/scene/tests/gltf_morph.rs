@@ -2,7 +2,11 @@
 
 mod common;
 
-use common::{Folder, animated::File, load};
+use common::{
+    Folder,
+    animated::{File, NO_TURN, QUARTER, loaded, near, shape_at},
+    load,
+};
 use niwaki_core::glam::{Quat, Vec3};
 use niwaki_scene::{
     FlattenError, LoadError, LoadOptions, Rig, Scene,
@@ -12,38 +16,9 @@ use niwaki_scene::{
 use proptest::prelude::*;
 
 const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-const QUARTER: [f32; 4] =
-    [0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2, std::f32::consts::FRAC_1_SQRT_2];
-const NO_TURN: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 /// Looking for a camera takes longer than all else.
 const CAMERA: &str =
     r#","cameras":[{"type":"perspective","perspective":{"yfov":0.5,"znear":0.1}}]"#;
-
-fn loaded(bytes: &[u8]) -> Scene {
-    let folder = Folder::new();
-    load(&folder.file("a.glb", bytes)).expect("the file is good")
-}
-
-/// Vertices and normals at a time; all in the bounds that the scene says.
-fn shape_at(scene: &Scene, time: f64) -> (Vec<Vec3>, Vec<Vec3>) {
-    let (mut positions, mut normals) = (Vec::new(), Vec::new());
-    scene.animate(time, &mut positions, &mut normals);
-    assert!(normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4));
-    let pose = scene.pose(time);
-    for (i, object) in scene.objects.iter().enumerate() {
-        let bounds = scene.bounds_in(&pose, i, object.bounds);
-        let slack = Vec3::splat(1e-5 * (1.0 + bounds.extent().max_element()));
-        for &p in &positions[object.vertices.start as usize..object.vertices.end as usize] {
-            let inside = p.cmpge(bounds.min - slack) & p.cmple(bounds.max + slack);
-            assert!(inside.all(), "{p} is not in {bounds:?} at {time}");
-        }
-    }
-    (positions, normals)
-}
-
-fn near(a: Vec3, b: Vec3) -> bool {
-    a.distance(b) < 1e-5
-}
 
 /// A mesh of the unit square with these targets; `more` begins with a comma or is empty.
 fn square(file: &mut File, targets: &str, more: &str) -> String {

@@ -1,6 +1,13 @@
 //! glTF files with key frames and skins, put together array by array.
 
-use super::glb;
+use super::{Folder, glb, load};
+use niwaki_core::glam::Vec3;
+use niwaki_scene::Scene;
+
+/// A quarter of a turn about z, and none.
+pub const QUARTER: [f32; 4] =
+    [0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2, std::f32::consts::FRAC_1_SQRT_2];
+pub const NO_TURN: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// A file in the making: arrays go into one buffer, each with a view and an accessor.
 #[derive(Default)]
@@ -125,4 +132,30 @@ impl File {
             "indices":{indices}}}]}}"#
         )
     }
+}
+
+pub fn loaded(bytes: &[u8]) -> Scene {
+    let folder = Folder::new();
+    load(&folder.file("a.glb", bytes)).expect("the file is good")
+}
+
+/// Vertices and normals at a time; all in the bounds that the scene says.
+pub fn shape_at(scene: &Scene, time: f64) -> (Vec<Vec3>, Vec<Vec3>) {
+    let (mut positions, mut normals) = (Vec::new(), Vec::new());
+    scene.animate(time, &mut positions, &mut normals);
+    assert!(normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4));
+    let pose = scene.pose(time);
+    for (i, object) in scene.objects.iter().enumerate() {
+        let bounds = scene.bounds_in(&pose, i, object.bounds);
+        let slack = Vec3::splat(1e-5 * (1.0 + bounds.extent().max_element()));
+        for &p in &positions[object.vertices.start as usize..object.vertices.end as usize] {
+            let inside = p.cmpge(bounds.min - slack) & p.cmple(bounds.max + slack);
+            assert!(inside.all(), "{p} is not in {bounds:?} at {time}");
+        }
+    }
+    (positions, normals)
+}
+
+pub fn near(a: Vec3, b: Vec3) -> bool {
+    a.distance(b) < 1e-5
 }
