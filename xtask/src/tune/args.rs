@@ -89,6 +89,10 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) frames: Option<u32>,
 
+    /// Draws each frame as often, and the fastest counts: on machines that other programs disturb, which only adds
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=100))]
+    pub(crate) draws: u16,
+
     /// Turns the camera around for the second half of the path
     #[arg(long)]
     pub(crate) turn: bool,
@@ -173,6 +177,7 @@ impl TuneArgs {
             features,
             controllers: &self.controllers,
             target_ms: self.target_ms,
+            draws: self.draws,
             rank: self.rank as usize,
         }
     }
