@@ -13,7 +13,8 @@ pub struct Animation {
     pub size: [u32; 2],
     /// How many frames are drawn, spread evenly over the path.
     pub frames: u32,
-    /// Frames drawn before that and not logged, as drivers compile at the first.
+    /// Frames drawn before that and not logged, spread over the path too, as drivers compile when
+    /// something is drawn for the first time.
     pub warm_up: u32,
     /// How long nothing is drawn before and after: the idle power by which a trace is aligned, and
     /// which may be subtracted.
@@ -51,12 +52,12 @@ impl Animation {
         mut mark: impl FnMut(),
     ) -> Result<FrameLog, FrameError> {
         let [width, height] = self.size;
-        let camera = |frame: u32| match path.closed {
-            true => path.at(f64::from(frame) / f64::from(self.frames.max(1))),
-            false => path.at(f64::from(frame) / f64::from(self.frames.saturating_sub(1).max(1))),
+        let camera = |frame: u32, of: u32| {
+            let steps = if path.closed { of } else { of.saturating_sub(1) };
+            path.at(f64::from(frame) / f64::from(steps.max(1)))
         };
-        for _ in 0..self.warm_up {
-            renderer.draw(&camera(0), width, height)?;
+        for frame in 0..self.warm_up {
+            renderer.draw(&camera(frame, self.warm_up), width, height)?;
         }
         let header = FrameLogHeader {
             clock: CLOCK,
@@ -67,7 +68,7 @@ impl Animation {
         std::thread::sleep(self.idle);
         for frame in 0..self.frames {
             let marker = frame < self.markers || frame >= self.frames.saturating_sub(self.markers);
-            let camera = camera(frame);
+            let camera = camera(frame, self.frames);
             if marker {
                 mark();
             }

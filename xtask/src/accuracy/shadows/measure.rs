@@ -3,7 +3,7 @@
 use super::sweep::Setup;
 use crate::bench::progress::Progress;
 use crate::bench::rays;
-use crate::power::study::{Metered, Play, least_time, visit};
+use crate::power::study::{Metered, Play, WARM_UP, least_time, visit};
 use crate::render::Size;
 use anyhow::{Context, Result, anyhow, bail};
 use niwaki_raster::{
@@ -147,8 +147,14 @@ pub(super) fn scene(
     }
     let mut energies: Vec<Option<Power>> = vec![None; setups.len()];
     if let Some(meter) = meter {
-        let mut play =
-            Play { path: &study.path, size: [width, height], frames, margin: MARGIN, least_s: 0.0 };
+        let mut play = Play {
+            path: &study.path,
+            size: [width, height],
+            frames,
+            warm_up: WARM_UP,
+            margin: MARGIN,
+            least_s: 0.0,
+        };
         (play.least_s, _) = least_time(meter, &mut renderer, &play)?;
         for (i, setup) in setups.iter().enumerate() {
             progress.message(&format!("{name}: energy of {} {}", setup.family(), setup.value));

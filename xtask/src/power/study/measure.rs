@@ -19,12 +19,18 @@ const TRIAL: Duration = Duration::from_millis(1500);
 /// No visit is made longer than this for the meter's sake.
 const MOST_S: f64 = 120.0;
 
+/// Frames that are drawn before those that count, where everything was drawn before.
+pub(crate) const WARM_UP: u32 = 2;
+
 /// What is played.
 #[derive(Clone, Debug)]
 pub(crate) struct Play<'a> {
     pub(crate) path: &'a CameraPath,
     pub(crate) size: [u32; 2],
     pub(crate) frames: u32,
+    /// Frames that are drawn before, spread over the path: all of it the first time, as drivers compile
+    /// when something comes into view.
+    pub(crate) warm_up: u32,
     /// Idle time before and after.
     pub(crate) margin: Duration,
     /// The path is repeated until this time in seconds is over.
@@ -85,8 +91,11 @@ pub(crate) fn visit(
         idle: Duration::ZERO,
         markers: 0,
     };
-    // Drivers compile at the first frames.
-    Animation { frames: 0, warm_up: 2, ..part.clone() }.play(renderer, play.path, || {})?;
+    Animation { frames: 0, warm_up: play.warm_up, ..part.clone() }.play(
+        renderer,
+        play.path,
+        || {},
+    )?;
     let from = metered.map_or_else(now_ns, |m| m.session.begin());
     let busy = Busy::now();
     std::thread::sleep(play.margin);

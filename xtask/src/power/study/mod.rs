@@ -11,7 +11,7 @@ mod tables;
 mod tests;
 
 pub(crate) use args::StudyArgs;
-pub(crate) use measure::{Metered, Play, Visit, least_time, visit};
+pub(crate) use measure::{Metered, Play, Visit, WARM_UP, least_time, visit};
 
 use super::source::{Kind, Opened, Session, part, trace_of};
 use crate::bench::progress::Progress;
@@ -179,6 +179,7 @@ fn measure_all(args: &StudyArgs) -> Result<Study> {
                         path: &scene.path,
                         size: [size.width, size.height],
                         frames,
+                        warm_up: if repeat == 0 { frames } else { WARM_UP },
                         margin,
                         least_s: 0.0,
                     };

@@ -116,7 +116,8 @@ pub(super) struct Cell {
     pub(super) ms: f64,
     /// Standard deviation over the frames of the path.
     pub(super) deviation_ms: f64,
-    /// Milliseconds of all passes on the GPU, mean over frames; none on devices without a clock.
+    /// Milliseconds of all passes on the GPU, mean over the frames of the repetition (or two) whose time is the
+    /// median; none on devices without a clock.
     pub(super) gpu_ms: Option<f64>,
     pub(super) passes: Vec<PassRow>,
     /// Milliseconds of each frame of the path, median over all times that it was drawn, and on the GPU.
@@ -183,6 +184,32 @@ pub(super) fn median(mut numbers: Vec<f64>) -> f64 {
     }
 }
 
+/// The middle one, or the two middle ones: those whose time is the median.
+fn middle(visits: &[Visit], time: impl Fn(&Visit) -> f64) -> Vec<&Visit> {
+    let mut sorted: Vec<&Visit> = visits.iter().filter(|v| !v.frames.is_empty()).collect();
+    sorted.sort_by(|a, b| time(a).total_cmp(&time(b)));
+    match sorted.len() {
+        0 => Vec::new(),
+        n => sorted[(n - 1) / 2..=n / 2].to_vec(),
+    }
+}
+
+/// Times of passes, means over the frames of visits.
+fn mean_passes(visits: &[&Visit]) -> Vec<PassRow> {
+    let mut passes: Vec<PassRow> = Vec::new();
+    for visit in visits {
+        let of_all = (visits.len() * visit.frames.len()) as f64;
+        for pass in visit.frames.iter().flat_map(|frame| &frame.passes) {
+            let ms = 1e-6 * pass.ns as f64 / of_all;
+            match passes.iter_mut().find(|row| row.name == pass.name) {
+                Some(row) => row.ms += ms,
+                None => passes.push(PassRow { name: pass.name.clone(), ms }),
+            }
+        }
+    }
+    passes
+}
+
 impl Cell {
     /// What its visits come to; none before the first.
     pub(super) fn of(key: Key, map_side: u32, visits: &[Visit]) -> Option<Self> {
@@ -190,32 +217,23 @@ impl Cell {
         let drawn = all().count();
         let frames = usize::try_from(all().map(|f| f.frame).max()? + 1).ok()?;
         let (mut path, mut path_gpu) = (vec![Vec::new(); frames], vec![Vec::new(); frames]);
-        let mut passes: Vec<PassRow> = Vec::new();
         for frame in all() {
             let at = usize::try_from(frame.frame).ok()?;
             path[at].push(1e-6 * (frame.end_ns - frame.start_ns) as f64);
             if !frame.passes.is_empty() {
                 path_gpu[at].push(frame.passes.iter().map(|p| 1e-6 * p.ns as f64).sum());
             }
-            for pass in &frame.passes {
-                let ms = 1e-6 * pass.ns as f64 / drawn as f64;
-                match passes.iter_mut().find(|row| row.name == pass.name) {
-                    Some(row) => row.ms += ms,
-                    None => passes.push(PassRow { name: pass.name.clone(), ms }),
-                }
-            }
         }
         let path_ms: Vec<f64> = path.into_iter().map(median).collect();
         let is_timed = path_gpu.iter().all(|times| !times.is_empty());
         let path_gpu_ms: Vec<f64> =
             if is_timed { path_gpu.into_iter().map(median).collect() } else { Vec::new() };
-        let repeats_ms: Vec<f64> = visits
-            .iter()
-            .filter_map(|visit| {
-                let (first, last) = (visit.frames.first()?, visit.frames.last()?);
-                Some(1e-6 * (last.end_ns - first.start_ns) as f64 / visit.frames.len() as f64)
-            })
-            .collect();
+        let time = |visit: &Visit| {
+            let (first, last) = (visit.frames.first()?, visit.frames.last()?);
+            Some(1e-6 * (last.end_ns - first.start_ns) as f64 / visit.frames.len() as f64)
+        };
+        let repeats_ms: Vec<f64> = visits.iter().filter_map(time).collect();
+        let passes = mean_passes(&middle(visits, |visit| time(visit).unwrap_or_default()));
         let loads: Vec<f64> = visits.iter().filter_map(|v| v.other_cores).collect();
         let energy = Energy::of(&key, visits);
         Some(Self {
