@@ -27,6 +27,8 @@ pub(super) struct Effort {
     pub(super) size: Size,
     /// Frames, spread over the camera path.
     pub(super) frames: u32,
+    /// Times that each setup draws each frame; the median counts.
+    pub(super) draws: u32,
     /// Side of the tile in which the worst artifact is looked for, in pixels.
     pub(super) tile: u32,
 }
@@ -162,10 +164,42 @@ pub(super) fn scene(
             }
             progress.step();
         }
+        progress.message(&format!("{}: frame {}, again", scene.name, moment.number));
+        again(&mut bench, sweep, effort, moment, &mut samples)?;
     }
     panels.whole = moments[at].tone.apply(&bench.frame(default, &moments[at])?.image);
     let frames = moments.iter().map(|moment| moment.number).collect();
     Ok(Measured { samples, frames, worst: (at, tile), panels, failures })
+}
+
+/// Has all setups draw a frame more often, in turns, and leaves the median of each one's times in its last sample.
+fn again(
+    bench: &mut Bench,
+    sweep: &Sweep,
+    effort: Effort,
+    moment: &Moment,
+    samples: &mut [Vec<Sample>],
+) -> Result<()> {
+    let mut times: Vec<Vec<(f64, Vec<(String, f64)>)>> = samples
+        .iter()
+        .map(|all| all.last().map(|last| (last.ms, last.passes.clone())).into_iter().collect())
+        .collect();
+    for _ in 1..effort.draws {
+        for (setup, times) in sweep.setups.iter().zip(&mut times).filter(|(_, t)| !t.is_empty()) {
+            let Drawn { passes, ms, .. } = bench.frame(&setup.settings, moment)?;
+            times.push((ms, passes));
+        }
+    }
+    for (samples, mut times) in samples.iter_mut().zip(times) {
+        times.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let middle = times.len() / 2;
+        if let (Some(last), Some((ms, passes))) =
+            (samples.last_mut(), times.into_iter().nth(middle))
+        {
+            (last.ms, last.passes) = (ms, passes);
+        }
+    }
+    Ok(())
 }
 
 /// A frame, and what it took: as in [`Sample`].

@@ -47,6 +47,7 @@ pub(super) fn run(args: &AccuracyArgs) -> Result<ExitCode> {
     let effort = Effort {
         size,
         frames: args.frames.unwrap_or(if quick { 1 } else { 3 }),
+        draws: if quick { 1 } else { 3 },
         tile: (size.width.min(size.height) / 5).max(8),
     };
     let gpu = Gpu::new().context(
