@@ -24,7 +24,7 @@ Examples:
       A table of the device instead of measuring it (what was measured is written to --out).
 
 On the Vulkan device the model is first fitted to 36 frames: 6 views spread over the path, by 6
-settings each, the median of 3 (--no-fit leaves it as measured).
+settings each, in three rounds whose medians count (--no-fit leaves it as measured).
 
 Each frame, the workload of its view is sampled on the CPU while the frame before is drawn. A controller
 predicts what each rung of the ladder (shading; shadows; 1, 2, ... directions of ambient occlusion) will

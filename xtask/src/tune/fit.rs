@@ -89,12 +89,14 @@ pub(crate) fn fit(
         .filter(|s| s.ao_rays == 0 || DIRECTIONS.contains(&s.ao_rays))
         .collect();
     let views = spread(stage.cameras.len(), VIEWS);
-    let mut observations = Vec::with_capacity(views.len() * rungs.len());
-    let mut frames = Vec::with_capacity(observations.capacity());
+    let drawn: Vec<(usize, &RenderSettings)> =
+        views.iter().flat_map(|&frame| rungs.iter().map(move |&s| (frame, s))).collect();
+    let mut times = plant.probe_all(stage, &drawn)?.into_iter();
+    let mut observations = Vec::with_capacity(drawn.len());
+    let mut frames = Vec::with_capacity(drawn.len());
     for &frame in &views {
         let workload = stage.workload(&stage.sampling, &stage.cameras[frame]);
-        for settings in &rungs {
-            let measured_ms = plant.probe(stage, frame, settings)?;
+        for (settings, measured_ms) in rungs.iter().zip(times.by_ref()) {
             let settings_of_model = ray_settings(settings);
             observations.push(Observation {
                 workload,

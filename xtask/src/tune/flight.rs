@@ -28,8 +28,12 @@ pub(super) trait Craft {
     fn frames(&self) -> usize;
     /// Milliseconds of a frame drawn for a controller.
     fn draw(&mut self, controller: usize, frame: usize, s: &RenderSettings) -> Result<f64>;
-    /// Milliseconds of a frame that nothing remembers.
-    fn probe(&mut self, frame: usize, s: &RenderSettings) -> Result<f64>;
+    /// Milliseconds of frames that nothing remembers, drawn in rounds.
+    fn probe_all(&mut self, frames: &[(usize, &RenderSettings)]) -> Result<Vec<f64>>;
+    /// Milliseconds of one.
+    fn probe(&mut self, frame: usize, s: &RenderSettings) -> Result<f64> {
+        Ok(self.probe_all(&[(frame, s)])?[0])
+    }
     /// Samples a view now.
     fn work(&self, frame: usize) -> Self::Work;
     /// Has a view sampled while others are drawn.
@@ -72,8 +76,8 @@ impl Craft for Tracing {
         self.plant.draw(&self.stage, controller, frame, s)
     }
 
-    fn probe(&mut self, frame: usize, s: &RenderSettings) -> Result<f64> {
-        self.plant.probe(&self.stage, frame, s)
+    fn probe_all(&mut self, frames: &[(usize, &RenderSettings)]) -> Result<Vec<f64>> {
+        self.plant.probe_all(&self.stage, frames)
     }
 
     fn work(&self, frame: usize) -> Workload {
@@ -177,16 +181,15 @@ fn by_hand<C: Craft>(
     ladder: &Ladder<RenderSettings>,
     target_ms: f64,
 ) -> Result<usize> {
-    let is_chain = craft.is_chain();
+    if !craft.is_chain() {
+        let all: Vec<_> = ladder.rungs().iter().map(|settings| (0, settings)).collect();
+        let off = craft.probe_all(&all)?.into_iter().map(|ms| (ms - target_ms).abs());
+        let best = off.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        return Ok(best.map_or(0, |(rung, _)| rung));
+    }
     let mut off =
         |rung: usize| -> Result<f64> { Ok(craft.probe(0, &ladder.rungs()[rung])? - target_ms) };
     let (mut low, mut high) = (0, ladder.top());
-    if !is_chain {
-        let all = (low..=high).map(|rung| Ok((off(rung)?.abs(), rung)));
-        let all = all.collect::<Result<Vec<_>>>()?;
-        let best = all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        return Ok(best.map_or(0, |(_, rung)| rung));
-    }
     // Halving will do.
     while low < high {
         let middle = (low + high).div_ceil(2);
@@ -301,15 +304,19 @@ fn rank<C: Craft>(craft: &mut C, orders: &Orders<'_, C::Work>) -> Result<Vec<Ran
     for view in 0..views {
         let frame = if views == 1 { 0 } else { view * (frames - 1) / (views - 1) };
         let work = craft.work(frame);
-        let mut timed = Vec::with_capacity(rungs.len());
-        for &rung in &rungs {
-            let settings = &ladder.rungs()[rung];
-            timed.push((rung, (orders.model)(settings, &work), craft.probe(frame, settings)?));
-        }
-        let (predicted, measured): (Vec<f64>, Vec<f64>) =
-            timed.iter().map(|&(_, predicted, measured)| (predicted, measured)).unzip();
-        let tau = kendall_tau_b(&predicted, &measured);
-        ranks.push(Rank { frame: u32::try_from(frame).unwrap_or(u32::MAX), tau, rungs: timed });
+        let settings: Vec<_> = rungs.iter().map(|&rung| (frame, &ladder.rungs()[rung])).collect();
+        let measured = craft.probe_all(&settings)?;
+        let predicted: Vec<f64> = settings.iter().map(|(_, s)| (orders.model)(s, &work)).collect();
+        ranks.push(Rank {
+            frame: u32::try_from(frame).unwrap_or(u32::MAX),
+            tau: kendall_tau_b(&predicted, &measured),
+            rungs: rungs
+                .iter()
+                .zip(predicted)
+                .zip(measured)
+                .map(|((r, p), m)| (*r, p, m))
+                .collect(),
+        });
     }
     Ok(ranks)
 }

@@ -5,6 +5,7 @@ use super::args::TuneArgs;
 use super::fit::spread;
 use super::flight::{Craft, Known, fly};
 use super::pilots::Model;
+use super::plant::in_rounds;
 use super::rows::Tour;
 use super::stage::path;
 use crate::bench::progress::Progress;
@@ -27,8 +28,6 @@ use std::time::Instant;
 /// change the near region.
 const VIEWS: usize = 3;
 const STEP: usize = 4;
-/// Draws of each frame, of which the median counts.
-const TIMES: usize = 3;
 /// Seconds from frame to frame, for what moves.
 const FRAME_S: f64 = 1.0 / 60.0;
 
@@ -83,17 +82,17 @@ impl Hybrid {
             i.is_multiple_of(STEP) || *i > 0 && all[*i].near_region != all[*i - 1].near_region
         };
         let drawn: Vec<usize> = (0..all.len()).filter(is_drawn).collect();
+        let asked: Vec<(usize, &RenderSettings)> =
+            views.iter().flat_map(|&view| drawn.iter().map(move |&i| (view, &all[i]))).collect();
+        let mut reports = in_rounds(asked.len(), |i| {
+            let report = self.report(0, asked[i].0, asked[i].1)?;
+            Ok((milliseconds(&report)?, report))
+        })?
+        .into_iter();
         let mut frames = Vec::new();
         for &view in &views {
             let work = self.work(view);
-            for rung in drawn.iter().map(|&i| &all[i]) {
-                let mut reports = Vec::with_capacity(TIMES);
-                for _ in 0..TIMES {
-                    let report = self.report(0, view, rung)?;
-                    reports.push((milliseconds(&report)?, report));
-                }
-                reports.sort_by(|a, b| a.0.total_cmp(&b.0));
-                let (_, report) = reports.swap_remove(TIMES / 2);
+            for (rung, (_, report)) in drawn.iter().map(|&i| &all[i]).zip(reports.by_ref()) {
                 let settings = of_rung(&self.base, rung, self.diagonal);
                 let size = rung.scaled(self.size);
                 frames.push(DrawnFrame { settings, size, work: work.clone(), report });
@@ -135,13 +134,9 @@ impl Craft for Hybrid {
         milliseconds(&self.report(controller, frame, s)?)
     }
 
-    fn probe(&mut self, frame: usize, s: &RenderSettings) -> Result<f64> {
-        let mut times = Vec::with_capacity(TIMES);
-        for _ in 0..TIMES {
-            times.push(self.draw(0, frame, s)?);
-        }
-        times.sort_by(f64::total_cmp);
-        Ok(times[TIMES / 2])
+    fn probe_all(&mut self, frames: &[(usize, &RenderSettings)]) -> Result<Vec<f64>> {
+        let draw = |i: usize| Ok((self.draw(0, frames[i].0, frames[i].1)?, ()));
+        Ok(in_rounds(frames.len(), draw)?.into_iter().map(|(ms, ())| ms).collect())
     }
 
     fn work(&self, frame: usize) -> Arc<ViewWork> {

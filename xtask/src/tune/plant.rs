@@ -12,6 +12,28 @@ use niwaki_metrics::TreeStats;
 use niwaki_render::Image;
 use niwaki_trace_vulkan::Device;
 
+/// Draws of a frame whose time is not a controller's, of which the median counts.
+const ROUNDS: usize = 3;
+
+/// Does a number of things that take milliseconds, one after another and all of them again; the median
+/// of each one's times with what else came of it then.
+pub(crate) fn in_rounds<T>(
+    count: usize,
+    mut draw: impl FnMut(usize) -> Result<(f64, T)>,
+) -> Result<Vec<(f64, T)>> {
+    let mut all: Vec<Vec<(f64, T)>> = (0..count).map(|_| Vec::with_capacity(ROUNDS)).collect();
+    for _ in 0..ROUNDS {
+        for (i, drawn) in all.iter_mut().enumerate() {
+            drawn.push(draw(i)?);
+        }
+    }
+    let median = |mut drawn: Vec<(f64, T)>| {
+        drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
+        drawn.swap_remove(ROUNDS / 2)
+    };
+    Ok(all.into_iter().map(median).collect())
+}
+
 /// What frames are drawn by.
 pub(crate) enum Plant {
     /// A device of Vulkan's.
@@ -71,16 +93,22 @@ impl Plant {
         frame: usize,
         settings: &RenderSettings,
     ) -> Result<f64> {
-        const TIMES: usize = 3;
+        Ok(self.probe_all(stage, &[(frame, settings)])?[0])
+    }
+
+    /// The same of many frames, each once in each round, so that what disturbs for a while is seen through.
+    pub(crate) fn probe_all(
+        &mut self,
+        stage: &Stage,
+        frames: &[(usize, &RenderSettings)],
+    ) -> Result<Vec<f64>> {
         if let Self::Simulated { devices, views } = self {
-            return Ok(devices[0].ideal_ms(&views[frame], settings));
+            let ideal =
+                |(frame, s): &(usize, &RenderSettings)| devices[0].ideal_ms(&views[*frame], s);
+            return Ok(frames.iter().map(ideal).collect());
         }
-        let mut times = Vec::with_capacity(TIMES);
-        for _ in 0..TIMES {
-            times.push(self.draw(stage, 0, frame, settings)?);
-        }
-        times.sort_by(f64::total_cmp);
-        Ok(times[TIMES / 2])
+        let draw = |i: usize| Ok((self.draw(stage, 0, frames[i].0, frames[i].1)?, ()));
+        Ok(in_rounds(frames.len(), draw)?.into_iter().map(|(ms, ())| ms).collect())
     }
 
     /// The device's own counts of a frame's work; none of simulated devices.

@@ -309,14 +309,12 @@ fn draw(plant: &mut Plant, stage: &Stage) -> Result<Vec<Timed>> {
         ao_radius: ao_radius.min(1.0),
         ..RenderSettings::PRIMARY
     });
-    let mut timed = Vec::new();
-    for frame in 0..stage.cameras.len() {
-        for settings in settings {
-            let measured_ms = plant.probe(stage, frame, &settings)?;
-            timed.push(Timed { frame, settings, measured_ms });
-        }
-    }
-    Ok(timed)
+    let frames = 0..stage.cameras.len();
+    let asked: Vec<(usize, &RenderSettings)> =
+        frames.flat_map(|frame| settings.iter().map(move |settings| (frame, settings))).collect();
+    let times = plant.probe_all(stage, &asked)?;
+    let timed = asked.into_iter().zip(times);
+    Ok(timed.map(|((frame, s), measured_ms)| Timed { frame, settings: *s, measured_ms }).collect())
 }
 
 /// What the model makes of the frames' workloads, in milliseconds.
