@@ -1,5 +1,6 @@
 //! The command line of `cargo xtask power`.
 
+use super::source::PowerSource;
 use super::study::StudyArgs;
 use crate::render::Size;
 use anyhow::{Context, Result, bail};
@@ -102,6 +103,11 @@ pub(crate) struct RecordArgs {
     /// The log that the command writes, analysed with the trace afterwards
     #[arg(long, value_name = "LOG")]
     pub(crate) frames: Option<PathBuf>,
+
+    /// The meter: auto (all that this machine has), rapl (the processor's counters; rapl:FOLDER below another
+    /// folder, such as a container's mount of /sys/class/powercap), or nvml (nvml:NUMBER for another device)
+    #[arg(long, value_name = "SOURCE", default_value = "auto")]
+    pub(crate) source: PowerSource,
 
     /// Readings a second
     #[arg(long, default_value_t = 1000.0, value_name = "HZ")]

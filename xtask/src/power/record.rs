@@ -2,7 +2,6 @@
 
 use super::analyze::{of_files, show};
 use super::args::RecordArgs;
-use super::source::all_meters;
 use anyhow::{Context, Result, bail};
 use niwaki_power::{JoinedMeter, Recorder, RecorderOptions, TraceFormat, TraceReader, TraceWriter};
 use std::fs::File;
@@ -15,7 +14,7 @@ pub(super) fn run(args: &RecordArgs) -> Result<ExitCode> {
         bail!("--margin: 0 to 3600 seconds");
     }
     let analysis = args.settings.options(args.size)?;
-    let meters = all_meters()?;
+    let meters = args.source.meters()?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create {}", args.out.display()))?;
     let path = args.out.join("trace.npt");
@@ -58,4 +57,50 @@ pub(super) fn run(args: &RecordArgs) -> Result<ExitCode> {
     let analysis = of_files(&path, args.frames.as_deref(), &analysis)?;
     show(&analysis, &args.command.join(" "), &args.out)?;
     Ok(if status.success() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use crate::power::PowerCommand;
+    use crate::power::simulated::{Folder, Ticker, WATTS, counter};
+    use clap::Parser;
+
+    fn args(source: &str, out: &str) -> RecordArgs {
+        let words =
+            ["xtask", "power", "record", "--margin", "0.2", "--out", out, "--source", source];
+        let cli = Cli::try_parse_from([&words[..], &["--", "sleep", "0.4"]].concat()).unwrap();
+        let Command::Power(power) = cli.command else { panic!("not power") };
+        let PowerCommand::Record(args) = power.command else { panic!("not record") };
+        args
+    }
+
+    #[test]
+    fn a_counter_of_known_power_is_recorded_and_analysed() {
+        let counters = Folder::new("record-rapl");
+        let out = Folder::new("record-out");
+        let mut tick = counter(&counters.0);
+        tick();
+        let ticker = Ticker::new(tick);
+        let folder = out.0.display().to_string();
+        let args = args(&format!("rapl:{}", counters.0.display()), &folder);
+        run(&args).unwrap();
+        drop(ticker);
+        let options = args.settings.options(None).unwrap();
+        let analysis = of_files(&out.0.join("trace.npt"), None, &options).unwrap();
+        // Of a counter, differences are the power that flowed, however late readings came.
+        let watts = analysis.total_j / analysis.measured_s;
+        assert!((watts / WATTS - 1.0).abs() < 0.1, "{watts}");
+        assert!(out.0.join("power.html").is_file());
+    }
+
+    #[test]
+    fn what_cannot_be_recorded_says_what_to_do() {
+        for (source, part) in [("none", "nothing to record"), ("csv:a.csv", "analyze a.csv")] {
+            let error = run(&args(source, "nowhere")).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
+        assert!(!std::path::Path::new("nowhere").exists());
+    }
 }

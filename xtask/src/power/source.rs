@@ -72,7 +72,7 @@ pub(crate) enum Opened {
 }
 
 /// The meters of this machine, all that there are; an error if there are none.
-pub(crate) fn all_meters() -> Result<Vec<Box<dyn Meter>>> {
+fn all_meters() -> Result<Vec<Box<dyn Meter>>> {
     let (meters, missing) = find_meters();
     for error in &missing {
         eprintln!("not recorded: {error}");
@@ -86,20 +86,34 @@ pub(crate) fn all_meters() -> Result<Vec<Box<dyn Meter>>> {
     Ok(meters)
 }
 
+/// The processor's counters, below a folder if one is named.
+fn rapl(folder: Option<&Path>) -> Result<RaplMeter, PowerError> {
+    folder.map_or_else(RaplMeter::open, RaplMeter::open_at)
+}
+
 impl PowerSource {
+    /// The meters for recording whatever runs: all of this machine for `auto`.
+    pub(crate) fn meters(&self) -> Result<Vec<Box<dyn Meter>>> {
+        match self {
+            Self::Auto => all_meters(),
+            Self::Rapl(folder) => Ok(vec![Box::new(rapl(folder.as_deref())?)]),
+            Self::Nvml(number) => Ok(vec![Box::new(NvmlMeter::open(*number)?)]),
+            Self::Nothing => bail!("--source none: then there is nothing to record"),
+            Self::File(path) => bail!(
+                "--source: a trace that an instrument writes is analysed afterwards: cargo xtask power \
+                 analyze {}",
+                path.display()
+            ),
+        }
+    }
+
     /// Opens it for the device of this name. What was asked for by name has to be there; `auto` takes
     /// only what measures this device.
     pub(crate) fn open(&self, device: &str, kind: Kind) -> Result<Opened> {
         let meters = |meter: Box<dyn Meter>, notes| Ok(Opened::Meters(vec![meter], notes));
         match self {
             Self::Nothing => Ok(Opened::Nothing("none was wanted".into())),
-            Self::Rapl(folder) => {
-                let meter = match folder {
-                    Some(folder) => RaplMeter::open_at(folder)?,
-                    None => RaplMeter::open()?,
-                };
-                meters(Box::new(meter), rapl_notes(kind))
-            }
+            Self::Rapl(folder) => meters(Box::new(rapl(folder.as_deref())?), rapl_notes(kind)),
             Self::Nvml(number) => {
                 let meter = NvmlMeter::open(*number)?;
                 let notes = if is_meter_of(&meter, device) {
