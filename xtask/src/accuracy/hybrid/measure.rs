@@ -184,10 +184,16 @@ fn again(
         .iter()
         .map(|all| all.last().map(|last| (last.ms, last.passes.clone())).into_iter().collect())
         .collect();
-    for _ in 1..effort.draws {
-        for (setup, times) in sweep.setups.iter().zip(&mut times).filter(|(_, t)| !t.is_empty()) {
-            let Drawn { passes, ms, .. } = bench.frame(&setup.settings, moment)?;
-            times.push((ms, passes));
+    for round in 1..effort.draws {
+        let mut order: Vec<usize> = (0..times.len()).filter(|&i| !times[i].is_empty()).collect();
+        // There and back, as what was drawn before a setup, large maps for one, bears on its time.
+        if round % 2 == 1 {
+            order.reverse();
+        }
+        for number in order {
+            let settings = &sweep.setups[number].settings;
+            let Drawn { passes, ms, .. } = bench.frame(settings, moment)?;
+            times[number].push((ms, passes));
         }
     }
     for (samples, mut times) in samples.iter_mut().zip(times) {
