@@ -59,7 +59,7 @@ pub(super) struct Errors {
 pub(super) struct Sample {
     pub(super) errors: Errors,
     /// What ran on the GPU, in milliseconds each; on devices without timestamps nothing.
-    pub(super) passes: Vec<(String, f64)>,
+    pub(super) passes: Passes,
     /// Their sum; on devices without timestamps the time from the call to the end of the work.
     pub(super) ms: f64,
     /// Mean FLIP of the worst tile; only of its frame.
@@ -88,6 +88,9 @@ fn depths(sweep: &Sweep) -> Vec<u32> {
     depths.dedup();
     depths
 }
+
+/// Names and milliseconds of passes.
+type Passes = Vec<(String, f64)>;
 
 /// A camera at a time, in seconds.
 type View = (Camera, f64);
@@ -180,7 +183,7 @@ fn again(
     moment: &Moment,
     samples: &mut [Vec<Sample>],
 ) -> Result<()> {
-    let mut times: Vec<Vec<(f64, Vec<(String, f64)>)>> = samples
+    let mut times: Vec<Vec<(f64, Passes)>> = samples
         .iter()
         .map(|all| all.last().map(|last| (last.ms, last.passes.clone())).into_iter().collect())
         .collect();
@@ -211,7 +214,7 @@ fn again(
 /// A frame, and what it took: as in [`Sample`].
 struct Drawn {
     image: Image,
-    passes: Vec<(String, f64)>,
+    passes: Passes,
     ms: f64,
 }
 
