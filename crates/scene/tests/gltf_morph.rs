@@ -9,7 +9,7 @@ use common::{
 };
 use niwaki_core::glam::{Quat, Vec3};
 use niwaki_scene::{
-    FlattenError, LoadError, LoadOptions, Rig, Scene,
+    FlattenError, LoadError, LoadOptions, Rig,
     animation::{Difference, MorphError, MorphWeights, Morphed, Targets},
     load_instanced,
 };
