@@ -2,8 +2,9 @@
 //! and Kim 2009, section 5.2, and the thesis's Paper I, section 3.1, take from micro-benchmarks.
 //!
 //! Each number is the slope of a line through the times of runs of growing length, so that what a
-//! launch costs by itself does not count. The [`Fit`] tells how well the line fits; a residual of
-//! more than a few hundredths says that something else used the device.
+//! launch costs by itself does not count. The [`Fit`] tells how well the line fits; where its
+//! residual is more than a twentieth, something else used the device, and longer runs are tried, up to five
+//! times; the best line counts.
 
 mod fit;
 mod runs;
@@ -129,7 +130,7 @@ pub enum MicrobenchError {
     Device(#[from] DeviceError),
 }
 
-/// Measures a device. Takes a second or two.
+/// Measures a device. Takes a second or two, some more where others use it.
 ///
 /// ```no_run
 /// use niwaki_gpu_model::microbench::{Settings, measure};
