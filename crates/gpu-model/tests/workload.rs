@@ -346,6 +346,28 @@ fn sampling_ends_after_a_row() {
     assert_eq!(begun.load(Ordering::Relaxed), 3 * 2);
 }
 
+/// Dropped in the middle of a view, the sampler does not see it through.
+#[test]
+fn dropping_ends_the_view_under_way() {
+    const ROWS: u32 = 10_000;
+    let (mesh, scene) = wall();
+    let (begun, has_begun) = sync_channel(2 * ROWS as usize);
+    let (let_go, leave) = sync_channel(0);
+    let gate = Gate { scene, begun: Mutex::new(begun), leave: Mutex::new(leave) };
+    let scene = SampledScene { kernel: Arc::new(gate), mesh: Arc::new(mesh) };
+    let sampling = Sampling { width: 2, height: ROWS, ao_rays: 0, ..Sampling::default() };
+    let sampler = BackgroundSampler::spawn(scene, sampling).unwrap();
+    sampler.submit(1, toward_wall());
+    has_begun.recv().unwrap();
+    let dropping = std::thread::spawn(move || drop(sampler));
+    // A ray a millisecond at most: all of them would take much longer than any thread waits for its turn.
+    while !dropping.is_finished() && let_go.send(()).is_ok() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    dropping.join().unwrap();
+    assert!(has_begun.try_iter().count() < ROWS as usize);
+}
+
 /// Dropped in the middle of an answer, it lets it know, and returns when it is over.
 #[test]
 fn dropping_tells_the_answer_under_way() {
